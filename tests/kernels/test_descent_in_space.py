@@ -104,7 +104,7 @@ class Setting:
 
     def sweep(self, order=None):
         order = np.arange(self.nodes) if order is None else order
-        return descend_nodes(self.neurons, self.trial, order.astype(np.int32), FLOOR**3)
+        return descend_nodes(self.neurons, self.trial, None, order.astype(np.int32), FLOOR**3)
 
     def axes(self):
         """What every node may do, and the gradient of its value where that is given."""

@@ -21,7 +21,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, fill_star
-from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes_order2
+from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.tetrahedron.polish.star import derivatives_order2, number_star
 from kohonen_adapt.kernels.tetrahedron.swap import remove_edge
 from kohonen_adapt.polishing.energy_tables import tabulated
@@ -95,7 +95,9 @@ class Setting:
         return total
 
     def sweep(self):
-        return descend_nodes_order2(self.arrays, self.quadratic, np.arange(self.nodes, dtype=np.int32), FLOOR**3)
+        return descend_nodes(
+            self.arrays, self.quadratic.trial, self.quadratic, np.arange(self.nodes, dtype=np.int32), FLOOR**3
+        )
 
 
 @pytest.mark.parametrize("row", [0, 1])

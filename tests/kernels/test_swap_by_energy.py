@@ -29,7 +29,9 @@ class Swaps:
     def swap(self, limit=1000):
         swaps, lowered = 0, 0.0
         while self.queue.state[1]:
-            more, gain = swap_downhill(self.mesh, self.trial, self.queue, self.seen, self.open, 0.0, FLOOR**3, limit)
+            more, gain = swap_downhill(
+                self.mesh, self.trial, None, self.queue, self.seen, self.open, 0.0, FLOOR**3, limit
+            )
             swaps, lowered = swaps + more, lowered + gain
         assert not self.queue.waiting.any()
         return swaps, lowered

@@ -1,6 +1,6 @@
 """Signatures of the kernels on tetrahedra, grouped for compilation."""
 
-from numba.types import boolean, float64, int8, int32, int64
+from numba.types import boolean, float64, int8, int32, int64, none
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import coils, draw, functionals, ordering
@@ -95,21 +95,21 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
     "space polish": (
-        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, I1, float64),
+        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, none, I1, float64),
         Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1),
         Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, *SWAPS),
-        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, OFFERS, int64, float64, L1),
-        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, OFFERS, float64, float64, L1),
-        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, *EXCHANGE),
+        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, none, *SWAPS),
+        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, none, OFFERS, int64, float64, L1),
+        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, none, OFFERS, float64, float64, L1),
+        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, none, *EXCHANGE),
     ),
     "space polish of order 2": (
-        Entry(descend.descend_nodes_order2, KERNEL_MESH, QUADRATIC, I1, float64),
+        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, QUADRATIC, I1, float64),
         Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap.swap_downhill_order2, OPEN_TETRAHEDRA, QUADRATIC, *SWAPS),
-        Entry(exchange.weigh_splits_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, int64, float64, L1),
-        Entry(exchange.weigh_collapses_order2, OPEN_TETRAHEDRA, QUADRATIC, OFFERS, float64, float64, L1),
-        Entry(exchange.exchange_order2, OPEN_TETRAHEDRA, QUADRATIC, *EXCHANGE),
+        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, *SWAPS),
+        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, OFFERS, int64, float64, L1),
+        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, OFFERS, float64, float64, L1),
+        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, *EXCHANGE),
     ),
     "space carrying": (
         Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),

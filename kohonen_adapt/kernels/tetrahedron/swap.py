@@ -206,7 +206,7 @@ def swap_waiting(mesh, queue, below, floor, limit):
 
 
 @kernel
-def swap_downhill(mesh, trial, queue, seen, open_patch, charge, floor, limit):
+def swap_downhill(mesh, trial, quadratic, queue, seen, open_patch, charge, floor, limit):
     """Search up to `limit` waiting elements, and swap while the functional decreases.
 
     Returned are the number of swaps and the decrease. `charge` is the decrease that an added unknown requires at order
@@ -214,9 +214,4 @@ def swap_downhill(mesh, trial, queue, seen, open_patch, charge, floor, limit):
     source new elements wait for the next call, because each swap uses the source around its own edge, and swaps could
     otherwise cycle.
     """
-    return search(mesh, trial, None, queue, seen, open_patch, (np.inf, floor, charge), limit)
-
-
-@kernel
-def swap_downhill_order2(mesh, quadratic, queue, seen, open_patch, charge, floor, limit):
-    return search(mesh, quadratic.trial, quadratic, queue, seen, open_patch, (np.inf, floor, charge), limit)
+    return search(mesh, trial, quadratic, queue, seen, open_patch, (np.inf, floor, charge), limit)

@@ -25,8 +25,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     SolidBlock,
     Trial,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes, descend_nodes_order2
-from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill, swap_downhill_order2
+from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
+from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
@@ -34,6 +34,7 @@ from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 from kohonen_adapt.polishing.space.recycling_in_space import (
     EXCHANGES,
     MANY,
+    Function,
     Plan,
     edges_of_patches,
     empty_offers,
@@ -145,13 +146,15 @@ class SpaceDescent:
     def order(self) -> int:
         return 1 if self.modes is None else 2
 
-    def function(self) -> Trial | Quadratic:
-        """Return the arguments of kernels of the order, with scratch of the thread."""
+    def function(self) -> Function:
+        """Return the arguments of kernels, at order 2 with scratch of the thread."""
         if self.modes is None:
-            return self.trial
+            return self.trial, None
         thread = get_ident()
         block = self.blocks.get(thread) or self.blocks.setdefault(thread, self.curves.block())
-        return Quadratic(self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block)
+        return self.trial, Quadratic(
+            self.trial, self.modes, self.functional.dirichlet[: self.functional.patches], block
+        )
 
     def descend(self, sweeps: int, swap_first: bool) -> float:
         freedom = self.functional.freedom(self.opened.mesh.freedom, self.trial.fixed, self.trial.surface)
@@ -217,11 +220,11 @@ class SpaceDescent:
             return 0.0
         self.sample_source()
         mesh, queue, charge, free = self.opened.mesh, self.opened.queue, self.charge(), self.free_planes()
-        loop, looks = (swap_downhill, swap_downhill_order2)[self.order - 1], LOOKS[self.order - 1]
+        looks = LOOKS[self.order - 1]
         enter_changed(mesh, self.trial, queue, self.seen, CHANGED)
 
         def swap(part: OpenTetrahedra, own: Queue) -> float:
-            return float(loop(part, self.function(), own, self.seen, free, charge, self.floor**3, looks)[1])
+            return float(swap_downhill(part, *self.function(), own, self.seen, free, charge, self.floor**3, looks)[1])
 
         return parts.work_off(queue, swap)
 
@@ -278,5 +281,4 @@ class SpaceDescent:
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
         arrays = KernelMesh(mesh.position, mesh.elements, star, constraints)
-        loop = (descend_nodes, descend_nodes_order2)[self.order - 1]
-        return parts.sweep(star, lambda _, nodes: float(loop(arrays, self.function(), nodes, self.floor**3)))
+        return parts.sweep(star, lambda _, nodes: float(descend_nodes(arrays, *self.function(), nodes, self.floor**3)))

@@ -11,11 +11,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE
 from kohonen_adapt.kernels.tetrahedron.polish.exchange import (
     SCRATCH_ROWS,
     exchange,
-    exchange_order2,
     weigh_collapses,
-    weigh_collapses_order2,
     weigh_splits,
-    weigh_splits_order2,
 )
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.host import ascending, keys_of
@@ -24,6 +21,7 @@ from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES, faces_o
 __all__ = [
     "EXCHANGES",
     "MANY",
+    "Function",
     "Plan",
     "edges_of_patches",
     "empty_offers",
@@ -36,7 +34,8 @@ __all__ = [
     "weighed",
 ]
 
-LOOPS = (weigh_splits, weigh_collapses, exchange), (weigh_splits_order2, weigh_collapses_order2, exchange_order2)
+Function = tuple[Trial, Quadratic | None]  # at order 1 without coefficients of edges
+
 FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
 SPLITS = 10_000  # edges per compiled call
 SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse) at order 2, and further spare rows
@@ -72,34 +71,31 @@ def empty_offers(mesh: OpenTetrahedra, is_open: Mask, removable: Mask, lone: Mas
     return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))
 
 
-def order_of(function: Trial | Quadratic) -> int:
-    return 2 if isinstance(function, Quadratic) else 1
+def margin_of(function: Function) -> float:
+    return MARGIN[0 if function[1] is None else 1]
 
 
-def weighed(
-    mesh: OpenTetrahedra, function: Callable[[], Trial | Quadratic], offers: Offers, nodes: Ints, floor: float
-) -> Plan:
+def weighed(mesh: OpenTetrahedra, function: Callable[[], Function], offers: Offers, nodes: Ints, floor: float) -> Plan:
     """Compute the gains and costs at nodes.
 
     `function` returns the function with scratch of its thread. Costs above the largest worthwhile one are not computed.
     Gains and costs depend on the current mesh alone, and therefore not on the number of threads.
     """
-    order, count, rows = order_of(function()), len(nodes), (len(mesh.position), len(mesh.elements.node))
-    splits, collapses, _ = LOOPS[order - 1]
+    count, rows = len(nodes), (len(mesh.position), len(mesh.elements.node))
     cuts = even_cuts(count, max(FEW, count // SCRATCH_ROWS))
     own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
 
     def weigh_edges(thread: int, first: int, last: int) -> None:
         spare = int(mesh.pool.free_nodes[mesh.pool.height[0] - 1 - thread])
         for v in range(first, last, PART):
-            splits(own[thread], function(), offers, spare, floor, nodes[v : min(v + PART, last)])
+            weigh_splits(own[thread], *function(), offers, spare, floor, nodes[v : min(v + PART, last)])
 
     shared(weigh_edges, cuts)
-    most = float(offers.gain.max()) / min(1.0, MARGIN[order - 1])
+    most = float(offers.gain.max()) / min(1.0, margin_of(function()))
 
     def weigh_nodes(thread: int, first: int, last: int) -> None:
         for v in range(first, last, PART):
-            collapses(own[thread], function(), offers, most, floor, nodes[v : min(v + PART, last)])
+            weigh_collapses(own[thread], *function(), offers, most, floor, nodes[v : min(v + PART, last)])
 
     shared(weigh_nodes, cuts)
     edges, removed = sorted_below(-offers.gain.ravel(), 0.0), sorted_below(offers.cost, most)
@@ -109,16 +105,16 @@ def weighed(
 
 
 def exchanged(
-    mesh: OpenTetrahedra, function: Trial | Quadratic, queue: Queue, plan: Plan, added: int, floor: float
+    mesh: OpenTetrahedra, function: Function, queue: Queue, plan: Plan, added: int, floor: float
 ) -> tuple[int, float]:
     # `added` is the number of unknowns added so far. Returned are the number of splits and the decrease.
     offers, edges, nodes, _ = plan
     ends, gains = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]], offers.gain.ravel()[edges]
-    order, state, total, decrease = order_of(function), np.array([added, 0]), 0, 0.0
+    state, total, decrease = np.array([added, 0]), 0, 0.0
     for first in range(0, len(edges), SPLITS):
         rows = slice(first, first + SPLITS)
         lists = ends[rows], gains[rows], nodes, state
-        splits, fall = LOOPS[order - 1][2](mesh, function, queue, offers, *lists, MARGIN[order - 1], floor)
+        splits, fall = exchange(mesh, *function, queue, offers, *lists, margin_of(function), floor)
         total, decrease = total + splits, decrease + fall
     return total, decrease
 

@@ -58,22 +58,15 @@ DIAGONAL = 1e-20  # sum of squared off-diagonal entries at convergence, relative
 
 
 @kernel
-def descend_nodes(mesh, trial, order, floor):
+def descend_nodes(mesh, trial, quadratic, order, floor):
     """Move nodes in order, and return the decrease of the functional.
 
-    The value of a node is eliminated, or follows the Dirichlet function. `floor` is the cube of a quality.
+    The value of a node is eliminated, or follows the Dirichlet function, and at order 2, with `quadratic`, the
+    coefficients of its edges are eliminated. `floor` is the cube of a quality.
     """
     fall = 0.0
     for node in order:
-        fall += move_node(mesh, trial, None, np.int64(node), floor)
-    return fall
-
-
-@kernel
-def descend_nodes_order2(mesh, quadratic, order, floor):
-    fall = 0.0
-    for node in order:
-        fall += move_node(mesh, quadratic.trial, quadratic, np.int64(node), floor)
+        fall += move_node(mesh, trial, quadratic, np.int64(node), floor)
     return fall
 
 

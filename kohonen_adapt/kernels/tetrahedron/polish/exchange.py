@@ -62,8 +62,13 @@ def gain_at(mesh, trial, quadratic, shell, count, a, b, p):
     return gain, unknowns, trial.value[p], given
 
 
-@inner_kernel
-def weigh_splits_at(mesh, trial, quadratic, offers, p, floor, nodes):
+@kernel
+def weigh_splits(mesh, trial, quadratic, offers, p, floor, nodes):
+    """Compute the gains of splits of edges from nodes, at order 2 per unknown.
+
+    Each edge belongs to its node of lower number. Its gain is stored at the first element with that edge in the list of
+    elements around the node, and is 0 if the split is not allowed. Row p of the positions is scratch of order 2.
+    """
     node, cavity = mesh.elements.node, mesh.cavity
     for i in range(len(nodes)):
         v = np.int64(nodes[i])
@@ -85,21 +90,6 @@ def weigh_splits_at(mesh, trial, quadratic, offers, p, floor, nodes):
                 gain, unknowns, _ = gain_of_split_order2(mesh, quadratic, cavity.around_other, shell, v, w, p)
             e = np.int64(cavity.around_other[0])
             offers.gain[e, edge_between(node, e, v, w)] = max(0.0, gain / unknowns)
-
-
-@kernel
-def weigh_splits(mesh, trial, offers, p, floor, nodes):
-    """Compute the gains of splits of edges from nodes, at order 2 per unknown.
-
-    Each edge belongs to its node of lower number. Its gain is stored at the first element with that edge in the list of
-    elements around the node, and is 0 if the split is not allowed. Row p of the positions is scratch of order 2.
-    """
-    weigh_splits_at(mesh, trial, None, offers, p, floor, nodes)
-
-
-@kernel
-def weigh_splits_order2(mesh, quadratic, offers, p, floor, nodes):
-    weigh_splits_at(mesh, quadratic.trial, quadratic, offers, p, floor, nodes)
 
 
 @inner_kernel
@@ -148,23 +138,13 @@ def energy_around(mesh, trial, quadratic, v, count):
     return total, worst
 
 
-@inner_kernel
-def weigh_collapses_at(mesh, trial, quadratic, offers, most, floor, nodes):
+@kernel
+def weigh_collapses(mesh, trial, quadratic, offers, most, floor, nodes):
     for i in range(len(nodes)):
         v = np.int64(nodes[i])
         offers.cost[v] = np.inf
         if offers.removable[v]:
             offers.cost[v] = cheapest_collapse(mesh, trial, quadratic, v, most, floor)[0]
-
-
-@kernel
-def weigh_collapses(mesh, trial, offers, most, floor, nodes):
-    weigh_collapses_at(mesh, trial, None, offers, most, floor, nodes)
-
-
-@kernel
-def weigh_collapses_order2(mesh, quadratic, offers, most, floor, nodes):
-    weigh_collapses_at(mesh, quadratic.trial, quadratic, offers, most, floor, nodes)
 
 
 @inner_kernel
@@ -233,8 +213,19 @@ def insert(mesh, trial, quadratic, queue, offers, a, b, count, value, given):
     store_new(mesh, quadratic, 2 * count)
 
 
-@inner_kernel
-def exchange_by(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, margin, floor):
+@kernel
+def exchange(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, margin, floor):
+    """Split edges and collapse nodes while `margin` times the cost is less.
+
+    Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs, of which `state` has the position
+    reached. Rows of removed nodes are used again for new nodes, which are marked `is_new`. Values of new nodes are
+    stored in the trial. Returned are the number of splits and the decrease of the functional. At order 1 every split
+    follows a collapse, and new elements enter the queue.
+
+    At order 2 gains and costs are per unknown. A split is followed by collapses until as many unknowns are removed.
+    They cost less per unknown by the factor `margin`, and together less than the gain of the split, so the functional
+    never rises.
+    """
     splits, decrease = 0, 0.0
     for i in range(len(ends)):
         a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
@@ -274,27 +265,6 @@ def exchange_by(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state
         if state[DRIFT] > 0 and state[DRIFT] >= before:
             break
     return splits, decrease
-
-
-@kernel
-def exchange(mesh, trial, queue, offers, ends, gains, nodes, state, margin, floor):
-    """Split edges and collapse nodes while `margin` times the cost is less.
-
-    Edges `ends` (k, 2) are sorted by decreasing `gains`, `nodes` by increasing costs, of which `state` has the position
-    reached. Rows of removed nodes are used again for new nodes, which are marked `is_new`. Values of new nodes are
-    stored in the trial, new elements enter the queue. Returned are the number of splits and the decrease of the
-    functional. At order 1 every split follows a collapse.
-
-    At order 2 gains and costs are per unknown. A split is followed by collapses until as many unknowns are removed.
-    They cost less per unknown by the factor `margin`, and together less than the gain of the split, so the functional
-    never rises.
-    """
-    return exchange_by(mesh, trial, None, queue, offers, ends, gains, nodes, state, margin, floor)
-
-
-@kernel
-def exchange_order2(mesh, quadratic, queue, offers, ends, gains, nodes, state, margin, floor):
-    return exchange_by(mesh, quadratic.trial, quadratic, queue, offers, ends, gains, nodes, state, margin, floor)
 
 
 @inner_kernel
