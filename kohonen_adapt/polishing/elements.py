@@ -18,10 +18,9 @@ from kohonen_adapt.kernels.triangle.arrays import (
     VARYING,
     Shapes,
 )
-from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis
-from kohonen_adapt.mesh.elements.polynomials import TrialFunction, gradients, local_coefficients
-from kohonen_adapt.mesh.measures import inner_points, magnitude
+from kohonen_adapt.mesh.elements.polynomials import TrialFunction, gradients
+from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import source_rule
 from kohonen_adapt.problem.ritz import Ritz
@@ -37,7 +36,6 @@ __all__ = [
     "nodes_of_chains",
     "shapes_of",
     "signs_of_chains",
-    "steepest",
     "with_source",
     "without_modes",
 ]
@@ -65,14 +63,6 @@ def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
 
 def without_modes(m: int) -> Modes:
     return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), dtype=np.bool_))
-
-
-def steepest(ritz: Ritz, triangulation: Triangulation, values: Floats, modes: Modes | None) -> float:
-    node = triangulation.elements.node
-    corners, every = triangulation.position.T[:, node.T], np.ones(len(node), dtype=np.bool_)
-    functions = ElementFunctions(corners, ritz.order, every, axis=ritz.axisymmetric)
-    slope = magnitude(functions.gradient(local_coefficients(values[node], modes).T))
-    return float(np.max(slope / functions.points[0] if ritz.axisymmetric else slope, initial=0.0))
 
 
 def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:

@@ -29,7 +29,6 @@ from kohonen_adapt.polishing.elements import (
     nodes_of_chains,
     shapes_of,
     signs_of_chains,
-    steepest,
     with_source,
     without_modes,
 )
@@ -43,7 +42,7 @@ from kohonen_adapt.polishing.energy_tables import (
 )
 from kohonen_adapt.polishing.loops import Function, Loops
 from kohonen_adapt.polishing.stationarity_in_plane import check_in_plane
-from kohonen_adapt.problem.functional_value import value_on
+from kohonen_adapt.problem.functional_value import steepest, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
 
 __all__ = ["Functional"]
@@ -174,7 +173,7 @@ class Functional:
         number = numbers_of_regions(ritz, triangulation.elements.region)
         boundary = BoundaryTerms(ritz, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
         held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
-        largest = steepest(ritz, triangulation, values, modes) if any(ritz.laws) else 0.0
+        largest = steepest(mesh, ritz) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
         constants = constants_of(ritz, number)
         level = np.where(whole & (deviation <= LINEAR * np.ptp(values)), on_chain[:, 0], np.nan)

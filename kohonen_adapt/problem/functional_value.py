@@ -49,6 +49,7 @@ __all__ = [
     "parts_of_element",
     "source_loads",
     "source_rule",
+    "steepest",
     "value_on",
 ]
 
@@ -141,6 +142,14 @@ def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Float
     shift = constants_at(ritz.shift, at, functions.dim) if any(ritz.laws) and np.any(ritz.shift) else None
     given = None if shift is None else -np.where(has_law(ritz, at), shift, 0.0)
     return Energy(functions, densities_of(ritz, at, functions.weights, x), load, given=given)
+
+
+def steepest(mesh: Mesh, ritz: Ritz) -> float:
+    """Return the largest argument of the energy densities at the points of a solution."""
+    number = numbers_of(ritz, mesh)
+    functions = functions_on(mesh.p[:, mesh.t], number, ritz, None)
+    size = magnitude(energy_on(functions, number, ritz, np.zeros(())).vector(coefficients_on(mesh, ritz, number)))
+    return float(np.max(size / functions.points[0] if ritz.axisymmetric else size, initial=0.0))
 
 
 def densities_of(ritz: Ritz, number: Ints, weights: Floats | float = 1.0, x: Floats | float = 1.0) -> Densities:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.functionals import Laws
@@ -27,14 +27,12 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 )
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
-from kohonen_adapt.mesh.elements.functions import hierarchical
 from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
     edge_coefficients,
     hierarchical_loads,
     unknowns_of_elements,
 )
-from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.applied_field import sliding_places
@@ -49,10 +47,10 @@ from kohonen_adapt.problem.boundary_terms import (
     reduced_regions,
     surface_work,
 )
-from kohonen_adapt.problem.functional_value import has_law, source_loads, value_on
+from kohonen_adapt.problem.functional_value import source_loads, steepest, value_on
 from kohonen_adapt.problem.protocol import NotOffered
 from kohonen_adapt.problem.ritz import Ritz, check_matches, plane_only_term
-from kohonen_adapt.problem.tables import constants_at, flux_table
+from kohonen_adapt.problem.tables import flux_table
 
 __all__ = ["SolidFunctional", "terms_at_nodes"]
 
@@ -140,12 +138,13 @@ class SolidFunctional:
         """
         if plane_only_term(ritz):
             raise NotOffered(plane_only_term(ritz))
-        check_matches(ritz, movable.mesh() if mesh is None else mesh)
+        mesh = movable.mesh() if mesh is None else mesh
+        check_matches(ritz, mesh)
         tet, surfaces = movable.tetrahedralization, movable.surfaces
         number = numbers_of_regions(ritz, tet.elements.region[tet.used])
         nodal, reduced = nodal_terms(ritz.surface), reduced_regions(ritz.surface, number)
-        solution = solution_on(ritz, tet, movable.mesh() if mesh is None else mesh, reduced)
-        law, tables = laws_of_regions(ritz, number, steepest(tet, solution, ritz, number) if any(ritz.laws) else 0.0)
+        solution = solution_on(ritz, tet, mesh, reduced)
+        law, tables = laws_of_regions(ritz, number, steepest(mesh, ritz) if any(ritz.laws) else 0.0)
         driven, of_reduced = sides_of(tet, surfaces, reduced)
         on = dirichlet_on(tet, surfaces, movable.freedom, solution, of_reduced)
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
@@ -279,14 +278,3 @@ def terms_at_nodes(nodal: Floats, mesh: MeshTet) -> Floats:
     if len(nodal) <= count:
         return nodal
     return np.column_stack([nodal[:, OFFSET], hierarchical_loads(mesh, nodal[:, LOAD])])[:count]
-
-
-def steepest(tet: Tetrahedralization, function: TrialFunction, ritz: Ritz, number: Ints) -> float:
-    node, region = tet.elements.node[tet.used].T, number[tet.elements.region[tet.used]]
-    corners = tet.position.T[:, node]
-    on_corners = corner_values(function.values, function.surface, node, reduced_regions(ritz.surface, region))
-    modes, shift = function.modes, np.where(has_law(ritz, region), constants_at(ritz.shift, region, 3), 0.0)
-    coefficients = on_corners if modes is None else np.vstack([on_corners, modes.side[tet.used, :, 0].T])
-    slopes, hats = hierarchical(np.eye(4), ritz.order)[1], TETRAHEDRON.hat_gradients(corners)[:, 1:]
-    fields = np.einsum("dcm,kcq,km->dqm", hats, slopes, coefficients, optimize=True)
-    return float(magnitude(fields - shift[:, None]).max(initial=0.0))
