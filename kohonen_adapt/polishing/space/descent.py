@@ -219,7 +219,8 @@ class SpaceDescent:
         if not self.swaps:
             return 0.0
         self.sample_source()
-        mesh, queue, charge, free = self.opened.mesh, self.opened.queue, self.charge(), self.free_planes()
+        mesh, queue = self.opened.mesh, self.opened.queue
+        charge, free = self.charge(), self.free_planes()
         looks = LOOKS[self.order - 1]
         enter_changed(mesh, self.trial, queue, self.seen, CHANGED)
 
@@ -259,7 +260,8 @@ class SpaceDescent:
         enter the queue of swaps.
         """
         self.sample_source()
-        mesh, total, decrease = self.opened.mesh, 0, 0.0
+        mesh = self.opened.mesh
+        total, decrease = 0, 0.0
         for _ in range(EXCHANGES[self.order - 1] if whole else 1):
             plan, added = self.weigh(nodes_of(mesh)), size_of(mesh) - self.size
             splits, fall = exchanged(mesh, self.function(), self.opened.queue, plan, added, self.floor**3)

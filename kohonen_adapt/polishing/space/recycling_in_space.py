@@ -110,7 +110,8 @@ def exchanged(
     # `added` is the number of unknowns added so far. Returned are the number of splits and the decrease.
     offers, edges, nodes, _ = plan
     ends, gains = mesh.elements.node[edges[:, None] // 6, EDGES[edges % 6, :2]], offers.gain.ravel()[edges]
-    state, total, decrease = np.array([added, 0]), 0, 0.0
+    state = np.array([added, 0])
+    total, decrease = 0, 0.0
     for first in range(0, len(edges), SPLITS):
         rows = slice(first, first + SPLITS)
         lists = ends[rows], gains[rows], nodes, state

@@ -222,7 +222,8 @@ class SolidFunctional:
         if not callable(self.ritz.source):
             return
         used = elements.node[:, 0] >= 0
-        node, region, shape = elements.node[used].T, elements.region[used], trial.source.shape
+        node, region = elements.node[used].T, elements.region[used]
+        shape = trial.source.shape
         corners, row = position.T[:, node], (node * np.int64(shape[1]) + region).ravel()
         functions = ElementFunctions(corners, 1, np.zeros(region.shape, dtype=np.bool_))
         loads = source_loads(functions, self.number[region], self.ritz.source)
@@ -261,7 +262,8 @@ class SolidFunctional:
 
 
 def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mask) -> TrialFunction:
-    values, fixed, n, m = np.asarray(ritz.values), np.asarray(ritz.fixed), tet.nnodes, len(tet.elements.node)
+    values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
+    n, m = tet.nnodes, len(tet.elements.node)
     surface, own = nodal_terms(ritz.surface), terms_at_nodes(nodal_terms(ritz.surface), mesh)
     if ritz.order == 1:
         return TrialFunction(values.copy(), fixed.copy(), None, surface=own)

@@ -117,7 +117,8 @@ def carried_modes(
     code, row, edge = np.unique(key, return_index=True, return_inverse=True)
     edge, ends = edge.reshape(-1, 6), np.stack(np.divmod(code // 2, n), axis=1)
     # a start in the region of the edge, if its ends have one
-    start, region, middle = start_element[ends], tet.elements.region[used][row // 6], tet.position[ends].mean(axis=1)
+    start, region = start_element[ends], tet.elements.region[used][row // 6]
+    middle = tet.position[ends].mean(axis=1)
     start = np.where(old.elements.region[start[:, 0]] == region, start[:, 0], start[:, 1])
     in_reduced = reduced[region]
     astray = np.flatnonzero(reduced[old.elements.region[start]] != in_reduced)
