@@ -96,7 +96,7 @@ def find_in_cell(position, elements, grid, c, x):
 
 @inner_kernel
 def flood(position, elements, e, x, scratch):
-    """Return the first element of the region of e that contains x, or the nearest to this."""
+    """Return an element around x in the region of e, or the element nearest to x."""
     stamp, queue, region = next_stamp(scratch), scratch.queue, elements.region[e]
     queue[0], scratch.element_stamp[e] = e, stamp
     first, last = 0, 1

@@ -123,7 +123,7 @@ def walk_in_parts(
     start: Ints,
     nearest: Callable[[Any, Floats, Mask], Ints],
 ) -> Ints:
-    """Return the element at each point as `walk_to_elements`, in the connected part of `start`.
+    """Return the element at each point, in the connected part of `start`.
 
     Parts may overlap, or touch without common nodes. `nearest` returns elements of a mask near points outside.
     """

@@ -145,7 +145,7 @@ def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Float
 
 
 def steepest(mesh: Mesh, ritz: Ritz) -> float:
-    """Return the largest argument of the energy densities at the points of a solution."""
+    """Return the largest argument of the energy densities of a solution."""
     number = numbers_of(ritz, mesh)
     functions = functions_on(mesh.p[:, mesh.t], number, ritz, None)
     size = magnitude(energy_on(functions, number, ritz, np.zeros(())).vector(coefficients_on(mesh, ritz, number)))
