@@ -104,7 +104,7 @@ def move_node(mesh, trial, quadratic, v, floor):
     if not held:
         rate = point(trial.rate, rates_row(mesh.constraints, v)) if given else divided(mixed, -ww)
         if follows:
-            rate, (gradient, hessian) = ZERO, differences(mesh, trial, v, start)
+            rate, (gradient, hessian) = ZERO, differences(mesh, trial, quadratic, v, start)
         else:
             gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
         if freedom.number[v] != INSIDE:
@@ -251,8 +251,11 @@ def change_star(mesh, quadratic, v):
 
 
 @inner_kernel
-def differences(mesh, trial, v, w):
-    # gradient and Hessian of the functional by the position of v, with the best value near w
+def differences(mesh, trial, quadratic, v, w):
+    # Return the gradient and Hessian of the functional by the position of v, with the best value near w. At order 2 no
+    # node follows a field, and the stars of order 1 are not compiled.
+    if quadratic is not None:
+        return ZERO, ZEROS
     x = point(mesh.position, v)
     h = STEP * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
     i, j, k = (h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)
