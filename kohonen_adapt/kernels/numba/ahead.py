@@ -28,6 +28,8 @@ logger = logging.getLogger("kohonen_adapt")
 progress = logging.getLogger("kohonen_adapt.compiling")
 
 KERNELS = "kohonen_adapt.kernels."
+Key = tuple[str, Any]  # name of a loop and types
+EACH = [entry for chapter in ENTRIES.values() for entry in chapter]
 # Work per loop beside the instructions of its bytecode and of the loops inside, found by timing every entry.
 INSTRUCTIONS = 200
 
@@ -40,7 +42,7 @@ sys.path[:] = {path!r}
 sys.modules["kohonen_adapt"] = types.ModuleType("kohonen_adapt")
 sys.modules["kohonen_adapt"].__path__ = [{package!r}]
 from kohonen_adapt.kernels.numba.ahead import compile_each
-compile_each({names!r})
+compile_each({numbers!r})
 """
 
 
@@ -49,19 +51,18 @@ def compile_ahead() -> None:
     event.register("numba:compile", _compiling)
 
 
-def compile_each(names: Iterable[str]) -> None:
+def compile_each(numbers: Iterable[int]) -> None:
     gc.disable()
-    entries = {entry.name: entry for chapter in ENTRIES.values() for entry in chapter}
-    for name in names:
-        entries[name].loop.compile(entries[name].types)
-        sys.stdout.write(f"{name}\n")
+    for number in numbers:
+        EACH[number].loop.compile(EACH[number].types)
+        sys.stdout.write(f"{number}\n")
         sys.stdout.flush()
 
 
 class _Compiling(OutermostCompilation):
     def __init__(self) -> None:
         super().__init__()
-        self._work: dict[str, int] = {}  # of loops to be compiled, in instructions
+        self._work: dict[Key, int] = {}  # of loops to be compiled, in instructions
         self._count = 0
         self._total = self._first = 0
         self._begun = 0.0
@@ -69,37 +70,40 @@ class _Compiling(OutermostCompilation):
         self._processes = 1
         self._collects = True
 
-    def begin(self, loop: Any) -> None:
+    def begin(self, loop: Any, types: Any) -> None:
         self._collects = gc.isenabled()
         gc.disable()  # numba's objects are not freed, and the collector takes 5 % of the time
-        if loop.py_func.__module__.startswith(KERNELS) and name_of(loop.py_func) not in self._work:
-            self._plan(loop)
+        if loop.py_func.__module__.startswith(KERNELS) and (name_of(loop.py_func), types) not in self._work:
+            self._plan(loop, types)
 
-    def end(self, loop: Any, seconds: float) -> None:
+    def end(self, loop: Any, types: Any, seconds: float) -> None:
         if self._collects:
             _count_as_old()
             gc.enable()
         self._announce(seconds)
-        self._finish(name_of(loop.py_func))
+        self._finish((name_of(loop.py_func), types))
 
-    def _plan(self, loop: Any) -> None:
-        # A second process compiles all `expected` groups and the group of `loop`, unless code cannot be stored.
-        name, once = name_of(loop.py_func), is_cacheable(loop)
-        expected.update(chapter for chapter in ENTRIES if any(name == entry.name for entry in ENTRIES[chapter]))
+    def _plan(self, loop: Any, types: Any) -> None:
+        # A second process compiles all `expected` groups, unless code cannot be stored. The first group of `loop` is
+        # expected if no other is.
+        key, once = (name_of(loop.py_func), types), is_cacheable(loop)
+        holding = [chapter for chapter in ENTRIES if any(key == entry.key for entry in ENTRIES[chapter])]
+        if not expected.intersection(holding):
+            expected.update(holding[:1])
         entries = [entry for chapter in ENTRIES if chapter in expected for entry in ENTRIES[chapter]]
         missing = [entry for entry in entries if not is_cached(entry.loop, entry.types)]
-        self._work = _instructions({name: loop} | {entry.name: entry.loop for entry in missing})
+        self._work = _instructions({key: loop} | {entry.key: entry.loop for entry in missing})
         self._count = len(self._work)
         self._total = sum(self._work.values())
-        self._first = self._work[name]  # kept, because the second process may finish the same loop before
+        self._first = self._work[key]  # kept, because the second process may finish the same loop before
         self._begun = time.perf_counter()
         in_parallel = len(missing) > 1 and number_of_threads() > 1 and once and self._start_second_process(missing)
         self._processes = 2 if in_parallel else 1
         self._announcement = f"compiling loops of kohonen_adapt{', once' * once} ({self._count}, about %.0f s)"
 
     def _start_second_process(self, missing: list[Entry]) -> bool:
-        names, package = [entry.name for entry in reversed(missing)], str(Path(__file__).parents[2])
-        code = RUN.format(path=sys.path, package=package, names=names)
+        numbers, package = [EACH.index(entry) for entry in reversed(missing)], str(Path(__file__).parents[2])
+        code = RUN.format(path=sys.path, package=package, numbers=numbers)
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         pipe, devnull = subprocess.PIPE, subprocess.DEVNULL
         try:
@@ -113,7 +117,7 @@ class _Compiling(OutermostCompilation):
 
     def _read_progress(self, process: "subprocess.Popen[str]") -> None:
         for line in process.stdout or ():
-            self._finish(line.strip())
+            self._finish(EACH[int(line)].key)
         process.wait()
 
     def _announce(self, seconds: float) -> None:
@@ -123,17 +127,17 @@ class _Compiling(OutermostCompilation):
             logger.warning(self._announcement, max(1.0, seconds * times))
             self._announcement = ""
 
-    def _finish(self, name: str) -> None:
-        if self._work.pop(name, None) is not None:
+    def _finish(self, key: Key) -> None:
+        if self._work.pop(key, None) is not None:
             done, left = self._count - len(self._work), sum(self._work.values())
             seconds = (time.perf_counter() - self._begun) / (self._total - left) * left
             progress.info("compiled %d of %d loops, about %.0f s left", done, self._count, seconds)
 
 
-def _instructions(loops: dict[str, Any]) -> dict[str, int]:
+def _instructions(loops: dict[Key, Any]) -> dict[Key, int]:
     # of every loop, and of the inner loops at their first caller
     counted: set[Any] = set()
-    return {name: INSTRUCTIONS + _instructions_of(loop.py_func, counted) for name, loop in loops.items()}
+    return {key: INSTRUCTIONS + _instructions_of(loop.py_func, counted) for key, loop in loops.items()}
 
 
 def _instructions_of(function: Any, counted: set[Any]) -> int:

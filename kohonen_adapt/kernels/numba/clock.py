@@ -15,20 +15,20 @@ class OutermostCompilation(event.Listener):
         self._depth = 0
         self._start = 0.0
 
-    def begin(self, loop: Any) -> None: ...
+    def begin(self, loop: Any, types: Any) -> None: ...
 
-    def end(self, loop: Any, seconds: float) -> None: ...
+    def end(self, loop: Any, types: Any, seconds: float) -> None: ...
 
     def on_start(self, event: Any) -> None:
         self._depth += 1
         if self._depth == 1:
             self._start = perf_counter()
-            self.begin(event.data["dispatcher"])
+            self.begin(event.data["dispatcher"], event.data["args"])
 
     def on_end(self, event: Any) -> None:
         self._depth -= 1
         if not self._depth:
-            self.end(event.data["dispatcher"], perf_counter() - self._start)
+            self.end(event.data["dispatcher"], event.data["args"], perf_counter() - self._start)
 
 
 class _Clock(OutermostCompilation):
@@ -36,7 +36,7 @@ class _Clock(OutermostCompilation):
         super().__init__()
         self.seconds = 0.0
 
-    def end(self, loop: Any, seconds: float) -> None:
+    def end(self, loop: Any, types: Any, seconds: float) -> None:
         self.seconds += seconds
 
 

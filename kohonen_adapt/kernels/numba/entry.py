@@ -52,6 +52,11 @@ class Entry:
     def name(self) -> str:
         return name_of(self.loop)
 
+    @property
+    def key(self) -> tuple[str, tuple[Any, ...]]:
+        """Name and types, because a loop may be compiled for several types."""
+        return self.name, self.types
+
     def compile(self) -> None:
         if hasattr(self.loop, "py_func"):
             self.loop.compile(self.types)
