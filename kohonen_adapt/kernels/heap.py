@@ -24,6 +24,16 @@ class Heap(NamedTuple):
 
 
 @inner_kernel
+def at(heap, i):
+    return heap.key[i], np.int64(heap.ends[i, 0]), np.int64(heap.ends[i, 1])
+
+
+@inner_kernel
+def put(heap, i, key, a, b):
+    heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, a, b
+
+
+@inner_kernel
 def insert(heap, key, a, b):
     # A full heap has to be filled again from the mesh.
     i = heap.size[0]
@@ -34,19 +44,17 @@ def insert(heap, key, a, b):
         parent = (i - 1) >> 1
         if heap.key[parent] <= key:
             break
-        heap.key[i] = heap.key[parent]
-        heap.ends[i, 0], heap.ends[i, 1] = heap.ends[parent, 0], heap.ends[parent, 1]
+        put(heap, i, *at(heap, parent))
         i = parent
-    heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, a, b
+    put(heap, i, key, a, b)
 
 
 @inner_kernel
 def remove_first(heap):
-    first = heap.key[0]
-    a, b = np.int64(heap.ends[0, 0]), np.int64(heap.ends[0, 1])
+    first = at(heap, 0)
     last = heap.size[0] - 1
     heap.size[0] = last
-    key, end, other = heap.key[last], heap.ends[last, 0], heap.ends[last, 1]
+    key, a, b = at(heap, last)
     i = 0
     while True:
         child = 2 * i + 1
@@ -56,8 +64,7 @@ def remove_first(heap):
             child += 1
         if heap.key[child] >= key:
             break
-        heap.key[i] = heap.key[child]
-        heap.ends[i, 0], heap.ends[i, 1] = heap.ends[child, 0], heap.ends[child, 1]
+        put(heap, i, *at(heap, child))
         i = child
-    heap.key[i], heap.ends[i, 0], heap.ends[i, 1] = key, end, other
-    return first, a, b
+    put(heap, i, key, a, b)
+    return first

@@ -95,23 +95,29 @@ def on_patch_of(elements, e, v, w):
 
 
 @inner_kernel
+def patch_at_edge(elements, star, k, j, v, w):
+    """Return the patch of face j in row k of the star, -1 without edge vw."""
+    e = star.element[k]
+    if not touches(star, k, w) or elements.node[e, j] == v or elements.node[e, j] == w:
+        return np.int64(-1)
+    return np.int64(elements.patch[e, j])
+
+
+@inner_kernel
 def ridge_of_edge(mesh, v, w):
     """Return the ridge of edge vw, -1 if inside a patch, -2 if unknown."""
     elements, star, freedom = mesh.elements, mesh.star, mesh.constraints.freedom
     only = np.int64(-1)
     sides, same = 0, True
     for k in range(star.start[v], star.start[v + 1]):
-        if not touches(star, k, w):
-            continue
-        e = np.int64(star.element[k])
         for j in range(4):
-            p = np.int64(elements.patch[e, j])
-            if p < 0 or elements.node[e, j] == v or elements.node[e, j] == w:
+            p = patch_at_edge(elements, star, k, j, v, w)
+            if p < 0:
                 continue
             if only >= 0 and only != p:
                 same = False
             only = p
-            sides += 2 if elements.neighbour[e, j] < 0 else 1  # an outer face has both sides in one element
+            sides += 2 if elements.neighbour[star.element[k], j] < 0 else 1  # outer faces: both sides in one element
     if same and sides == 4:
         return -1
     if freedom.number[w] == ON_RIDGE:
@@ -139,12 +145,9 @@ def fits_edge(mesh, r, v, w):
         if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
             return False
     for k in range(star.start[v], star.start[v + 1]):
-        if not touches(star, k, w):
-            continue
-        e = star.element[k]
         for j in range(4):
-            p = elements.patch[e, j]
-            if p >= 0 and elements.node[e, j] != v and elements.node[e, j] != w and not meets_patch(meets, r, p):
+            p = patch_at_edge(elements, star, k, j, v, w)
+            if p >= 0 and not meets_patch(meets, r, p):
                 return False
     return True
 
@@ -160,11 +163,8 @@ def meets_patch(meets, r, p):
 @inner_kernel
 def has_face(elements, star, v, w, p):
     for k in range(star.start[v], star.start[v + 1]):
-        if not touches(star, k, w):
-            continue
-        e = star.element[k]
         for j in range(4):
-            if elements.patch[e, j] == p and elements.node[e, j] != v and elements.node[e, j] != w:
+            if patch_at_edge(elements, star, k, j, v, w) == p:
                 return True
     return False
 
@@ -227,12 +227,10 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
     """
     elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
     for k in range(star.start[v], star.start[v + 1]):
-        if not touches(star, k, third):
-            continue
         g = np.int64(star.element[k])
         for i in range(4):
-            p = np.int64(elements.patch[g, i])
-            if p < 0 or elements.node[g, i] == v or elements.node[g, i] == third or not meets_patch(meets, onto, p):
+            p = patch_at_edge(elements, star, k, i, v, third)
+            if p < 0 or not meets_patch(meets, onto, p):
                 continue
             if (
                 elements.region[g] == elements.region[e]
