@@ -1,11 +1,10 @@
 """Loops that Python calls, with argument types, in the order of use."""
 
-from types import ModuleType
-
-from numba.types import boolean, float64, int8, int64
+from numba import typeof
+from numba.types import Type, UniTuple, boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import draw, functionals, ordering
+from kohonen_adapt.kernels import draw, functionals, ordering, search
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -24,7 +23,7 @@ from kohonen_adapt.kernels.numba.entry import (
     SEARCH_SCRATCH,
     Entry,
 )
-from kohonen_adapt.kernels.tetrahedron.entries import SPACE
+from kohonen_adapt.kernels.tetrahedron.entries import SPACE, TETRAHEDRA
 from kohonen_adapt.kernels.triangle import (
     arrays,
     chains,
@@ -37,7 +36,7 @@ from kohonen_adapt.kernels.triangle import (
     train,
     transport,
 )
-from kohonen_adapt.kernels.triangle.polish import affine, higher
+from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
 
 __all__ = ["ENTRIES"]
 
@@ -67,12 +66,28 @@ FLUX_DATA = record_type(equilibrate.FluxData, (R2, I2, I2, R2, R1, R1))
 PATCH_SCRATCH = record_type(equilibrate.Patch, (I1, I1, R1, R1, R1, B1, R2, R1, R2, R1, R1))
 
 
-def polish(loops: ModuleType) -> tuple[Entry, ...]:
+def polish(higher: Type) -> tuple[Entry, ...]:
     return (
-        Entry(loops.exchange, OPEN_MESH, DESCENTS, OFFERS, L1, L1, float64),
-        Entry(loops.weigh, OPEN_MESH, DESCENTS, OFFERS, float64, float64, int64, int64, boolean),
-        Entry(loops.descend_flips, DESCENTS, float64, B1, int64, int64, boolean),
-        Entry(loops.descend_nodes, DESCENTS, I1, float64),
+        Entry(exchange.exchange, OPEN_MESH, DESCENTS, higher, OFFERS, L1, L1, float64),
+        Entry(exchange.weigh, OPEN_MESH, DESCENTS, higher, OFFERS, float64, float64, int64, int64, boolean),
+        Entry(flips.descend_flips, DESCENTS, higher, float64, B1, int64, int64, boolean),
+        Entry(descend.descend_nodes, DESCENTS, higher, I1, float64),
+    )
+
+
+def carrying(elements: Type, components: int) -> tuple[Entry, ...]:
+    origin = UniTuple(float64, components)
+    return (
+        Entry(search.walk_each, R2, elements, R2, origin, I1, B1),
+        Entry(search.barycentric, R2, I2, R2, origin, I1, R2),
+    )
+
+
+def locating(elements: Type, components: int) -> tuple[Entry, ...]:
+    return (
+        Entry(search.count_in_cells, R2, I2, GRID),
+        Entry(search.fill_cells, R2, I2, GRID),
+        Entry(search.find, R2, elements, R2, UniTuple(float64, components), GRID, I1),
     )
 
 
@@ -84,7 +99,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(geometry.find_starts, I2, I1),
         Entry(geometry.fill_star, I2, STAR, int64, int64, I1),
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
-        Entry(ordering.mark_interior, STAR, I1, int64, B1, I1),
+        Entry(ordering.mark_interior, I1, I2, I1, int64, B1, I1),
         Entry(chains.look_up, CONSTRAINTS, L1, R2),
         Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
     ),
@@ -120,17 +135,12 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(transport.move_to_neighbour_mean, R2, R1, I2, STAR, CONSTRAINTS, B1),
         Entry(transport.slow_down, R2, R2, R1, I2, STAR, CONSTRAINTS, B1, I1, I1),
     ),
-    "polish": polish(affine),
-    "polish of higher order": polish(higher),
+    "polish": polish(typeof(arrays.WITHOUT)),
+    "polish of higher order": polish(typeof(arrays.WITH)),
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, PATCH_SCRATCH, B2, R3, R1),),
-    "carrying": (
-        Entry(locate.walk_each, R2, ELEMENTS, R2, I1, B1),
-        Entry(locate.barycentric, R2, I2, R2, I1, R2),
-    ),
-    "locating": (
-        Entry(locate.count_in_cells, R2, I2, GRID),
-        Entry(locate.fill_cells, R2, I2, GRID),
-        Entry(locate.find, R2, ELEMENTS, R2, GRID, I1),
-    ),
+    "carrying": carrying(ELEMENTS, 2),
+    "locating": locating(ELEMENTS, 2),
     **SPACE,
+    "space carrying": carrying(TETRAHEDRA, 3),
+    "space locating": locating(TETRAHEDRA, 3),
 }

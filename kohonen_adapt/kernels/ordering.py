@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.numba.compilation import kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.threads import even_cuts, shared
 
 BITS = 20  # per coordinate
@@ -41,12 +41,17 @@ def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.i
     return part
 
 
+@inner_kernel
+def cell_along(points, t, origin, size, axis):
+    cells = 1 << BITS
+    return min(cells - 1, max(0, int((points[t, axis] - origin[axis]) / size * cells)))
+
+
 @kernel
 def hilbert_keys(points, origin, size, keys):
     cells = 1 << BITS
     for t in range(points.shape[0]):
-        x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))
-        y = min(cells - 1, max(0, int((points[t, 1] - origin[1]) / size * cells)))
+        x, y = cell_along(points, t, origin, size, 0), cell_along(points, t, origin, size, 1)
         key, half = 0, cells >> 1
         while half > 0:
             right, upper = 1 if x & half else 0, 1 if y & half else 0
@@ -69,9 +74,8 @@ def hilbert_keys_in_space(points, origin, size, keys):
     """
     cells = 1 << BITS
     for t in range(points.shape[0]):
-        x = min(cells - 1, max(0, int((points[t, 0] - origin[0]) / size * cells)))
-        y = min(cells - 1, max(0, int((points[t, 1] - origin[1]) / size * cells)))
-        z = min(cells - 1, max(0, int((points[t, 2] - origin[2]) / size * cells)))
+        x, y = cell_along(points, t, origin, size, 0), cell_along(points, t, origin, size, 1)
+        z = cell_along(points, t, origin, size, 2)
         half = cells >> 1
         while half > 1:
             lower = half - 1
@@ -105,17 +109,18 @@ def hilbert_keys_in_space(points, origin, size, keys):
 
 
 @kernel
-def mark_interior(star, part, rings, interior, queue):
+def mark_interior(start, link, part, rings, interior, queue):
     """Mark the nodes (n,) surrounded by `rings` rings of nodes of the same part (n,).
 
-    `queue` (n,) is scratch.
+    `start` and `link` are those of the star, `queue` (n,) is scratch.
     """
     last = 0
     for v in range(part.shape[0]):
         interior[v] = True
-        for k in range(star.start[v], star.start[v + 1]):
-            if part[star.ahead[k]] != part[v] or part[star.behind[k]] != part[v]:
-                interior[v] = False
+        for row in range(start[v], start[v + 1]):
+            for k in range(link.shape[1]):
+                if part[link[row, k]] != part[v]:
+                    interior[v] = False
         if not interior[v]:
             queue[last] = v
             last += 1
@@ -124,8 +129,9 @@ def mark_interior(star, part, rings, interior, queue):
         end = last
         for j in range(first, last):
             v = queue[j]
-            for k in range(star.start[v], star.start[v + 1]):
-                for other in (star.ahead[k], star.behind[k]):
+            for row in range(start[v], start[v + 1]):
+                for k in range(link.shape[1]):
+                    other = link[row, k]
                     if interior[other]:
                         interior[other] = False
                         queue[end] = other

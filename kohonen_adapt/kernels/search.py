@@ -1,15 +1,103 @@
 """Walks and searches for elements and nodes, on triangles and on tetrahedra.
 
-numba compiles them for the number of components of the point.
+numba compiles them for the number of components of the point. Loops over points take it from `origin`, which is (0, 0)
+or (0, 0, 0).
 """
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.vectors import between, cross, dot, from_to, mapped, minus, plus_times, point, xy
+from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.vectors import (
+    between,
+    cross,
+    dot,
+    from_to,
+    mapped,
+    minus,
+    plus_times,
+    point,
+    squared_distance,
+    xy,
+)
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on edges and faces are inside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take two to four
+
+
+@kernel
+def walk_each(position, elements, points, origin, found, inside):
+    for t in range(points.shape[0]):
+        found[t], inside[t] = walk(position, elements, found[t], from_to(origin, points, t))
+
+
+@kernel
+def count_in_cells(position, node, grid):
+    clear_counts(grid)
+    for e in range(node.shape[0]):
+        (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                for k in range(k0, k1 + 1):
+                    grid.start[cell_at(grid, i, j, k)] += 1
+    sum_up_counts(grid)
+
+
+@kernel
+def fill_cells(position, node, grid):
+    """List the elements of every grid cell.
+
+    On entry `start` holds the ends of the lists, on return their starts.
+    """
+    for e in range(node.shape[0] - 1, -1, -1):
+        (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
+        for i in range(i0, i1 + 1):
+            for j in range(j0, j1 + 1):
+                for k in range(k0, k1 + 1):
+                    enter(grid, cell_at(grid, i, j, k), e)
+
+
+@inner_kernel
+def cells_of_element(position, node, e, grid):
+    if node[e, 0] < 0:
+        return (0, -1), (0, -1), (0, -1)
+    across = cells_between(position, node, e, 2, grid) if position.shape[1] == 3 else (0, 0)
+    return cells_between(position, node, e, 0, grid), cells_between(position, node, e, 1, grid), across
+
+
+@inner_kernel
+def cell_at(grid, i, j, k):
+    c = i * grid.shape[1] + j
+    return c * grid.shape[2] + k if grid.shape.shape[0] == 3 else c
+
+
+@inner_kernel
+def cell_of(grid, x):
+    i, j = cell_index(grid, x[0], 0), cell_index(grid, x[1], 1)
+    return cell_at(grid, i, j, 0 if len(x) == 2 else cell_index(grid, x[2], 2))
+
+
+@kernel
+def find(position, elements, points, origin, grid, found):
+    """Find the element of each point, -1 outside the mesh."""
+    for t in range(points.shape[0]):
+        x = from_to(origin, points, t)
+        found[t] = -1
+        if np.isfinite(dot(x, x)):
+            found[t] = find_in_cell(position, elements, grid, cell_of(grid, x), x)
+
+
+@kernel
+def barycentric(position, node, points, origin, found, out):
+    corners = len(origin) + 1
+    for t in range(points.shape[0]):
+        e = np.int64(found[t])
+        total = 0.0
+        for k in range(corners):
+            out[t, k] = np.nan if e < 0 else size_at_side(position, node, e, k, from_to(origin, points, t))
+            total += out[t, k]
+        for k in range(corners):
+            out[t, k] /= total
 
 
 @inner_kernel
@@ -72,6 +160,46 @@ def walk(position, elements, e, x):
             return e, False
         e = onward
     return e, False
+
+
+@inner_kernel
+def neighbours(star, row, x):
+    """Return the other nodes of the element in a row of the star."""
+    if len(x) == 2:
+        return np.int64(star.ahead[row]), np.int64(star.behind[row])
+    return np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
+
+
+@inner_kernel
+def descend_to(position, elements, star, v, x, region):
+    """Return the node from which no neighbour in the region is nearer to x."""
+    best = squared_distance(position, v, x)
+    while True:
+        nearest = v
+        for row in range(star.start[v], star.start[v + 1]):
+            if elements.region[star.element[row]] != region:
+                continue
+            for other in neighbours(star, row, x):
+                distance = squared_distance(position, other, x)
+                if distance < best:
+                    best, nearest = distance, other
+        if nearest == v:
+            return v
+        v = nearest
+
+
+@inner_kernel
+def walk_in_region(mesh, v, x, region):
+    """Return an element of a region near x, and True if x is in the element.
+
+    A walk starts at v, if blocked a second walk at a node nearer to x.
+    """
+    position, elements, star = mesh.position, mesh.elements, mesh.star
+    e, inside = walk(position, elements, element_in_region(elements, star, v, region), x)
+    if inside:
+        return e, inside
+    nearest = descend_to(position, elements, star, v, x, region)
+    return walk(position, elements, element_in_region(elements, star, nearest, region), x)
 
 
 @inner_kernel

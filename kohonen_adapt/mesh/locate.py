@@ -10,6 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.kernels.search import barycentric, count_in_cells, fill_cells, find, walk_each
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at, parts_of_regions
 from kohonen_adapt.mesh.cells import cell_of, check_kind
@@ -47,15 +48,15 @@ class Locator:
     """
 
     def __init__(self, tessellation: Tessellation[Any, Any]) -> None:
-        elements, self.kernels = tessellation.elements, tessellation.locating
+        elements = tessellation.elements
         self.position, node = tessellation.position.copy(), elements.node.copy()
         self.elements = elements._replace(
             node=node, neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
         )
         grid = Grid.over(self.position, len(node) / tessellation.crowd)
-        self.kernels.count_in_cells(self.position, node, grid)
+        count_in_cells(self.position, node, grid)
         self.grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
-        self.kernels.fill_cells(self.position, node, self.grid)
+        fill_cells(self.position, node, self.grid)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
         found, reach = np.empty(len(points), dtype=np.int32), FAR * self.grid.size * self.grid.shape
@@ -72,11 +73,11 @@ class Locator:
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
 
     def _search(self, points: Floats) -> Ints:
-        found = np.empty(len(points), dtype=np.int32)
+        found, origin = np.empty(len(points), dtype=np.int32), (0.0,) * points.shape[1]
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
-            self.kernels.find(self.position, self.elements, points[part], self.grid, found[part])
+            find(self.position, self.elements, points[part], origin, self.grid, found[part])
 
         shared(task, even_cuts(len(points), FEW))
         return found
@@ -88,7 +89,7 @@ class Locator:
 def barycentric_coordinates(position: Floats, node: Ints, points: Floats, found: Ints) -> Floats:
     # (n, dim + 1), of points (n, dim) in the elements `found`
     out = np.empty((len(points), points.shape[1] + 1))
-    TESSELLATIONS[points.shape[1]].locating.barycentric(position, node, points, found, out)
+    barycentric(position, node, points, (0.0,) * points.shape[1], found, out)
     return out
 
 
@@ -99,13 +100,13 @@ def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start
     outside the mesh, an element near the point is returned.
     """
     found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
-    elements = tessellation.elements
+    elements, origin = tessellation.elements, (0.0,) * points.shape[1]
     if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
 
     def walk(thread: int, first: int, last: int) -> None:
         part = slice(first, last)
-        tessellation.locating.walk_each(tessellation.position, elements, points[part], found[part], inside[part])
+        walk_each(tessellation.position, elements, points[part], origin, found[part], inside[part])
 
     shared(walk, even_cuts(len(points), FEW))
     lost = np.flatnonzero(~inside)

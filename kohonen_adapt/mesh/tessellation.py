@@ -44,8 +44,7 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
     _star: StarArrays | None = None
 
     cell: ClassVar[Cell]
-    locating: ClassVar[Any]  # module of the kernels that search elements
-    groups: ClassVar[Sequence[str]]  # their groups of `kernels/entries.py`
+    groups: ClassVar[Sequence[str]]  # groups of `kernels/entries.py` that search elements
     crowd: ClassVar[int]  # elements per cell of the grid of a search
 
     @classmethod

@@ -1,13 +1,10 @@
 """Tetrahedral mesh as arrays that kernels change."""
 
 from dataclasses import dataclass
-from types import ModuleType
-from typing import ClassVar
 
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels.tetrahedron import locate
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.mesh.cells import TETRAHEDRON
@@ -19,7 +16,6 @@ __all__ = ["Tetrahedralization"]
 @dataclass
 class Tetrahedralization(Tessellation[Tetrahedra, Star]):
     cell = TETRAHEDRON
-    locating: ClassVar[ModuleType] = locate
     groups = "space locating", "space carrying"
     crowd = 8  # tetrahedra meet many cells, hence fewer and larger cells
 

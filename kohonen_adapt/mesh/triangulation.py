@@ -1,14 +1,11 @@
 """Triangular mesh as arrays that kernels change."""
 
 from dataclasses import dataclass
-from types import ModuleType
-from typing import ClassVar
 
 import numpy as np
 
 from kohonen_adapt.arrays import Ints
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle import locate
 from kohonen_adapt.kernels.triangle.arrays import Elements, Star
 from kohonen_adapt.kernels.triangle.geometry import fill_star, find_starts
 from kohonen_adapt.mesh.cells import TRIANGLE
@@ -20,7 +17,6 @@ __all__ = ["Triangulation"]
 @dataclass
 class Triangulation(Tessellation[Elements, Star]):
     cell = TRIANGLE
-    locating: ClassVar[ModuleType] = locate
     groups = "locating", "carrying"
     crowd = 1
 

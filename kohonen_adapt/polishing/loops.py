@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.triangle.arrays import Descents, Offers, OpenMesh, Shapes, Trials
-from kohonen_adapt.kernels.triangle.polish import affine, higher
+from kohonen_adapt.kernels.triangle.arrays import WITH, WITHOUT, Descents, Offers, OpenMesh, Shapes, Trials
+from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
 from kohonen_adapt.mesh.elements.polynomials import quadrature_points, reference
 from kohonen_adapt.polishing.elements import min_per_thread, without_modes
 
@@ -50,7 +50,7 @@ class Loops:
     def __init__(self, function: Function, order: int, floor: float) -> None:
         self.function, self.order, self.floor = function, order, floor
         self.few = min_per_thread(order)
-        self.kernels = affine if function.shapes is None else higher
+        self.higher = WITHOUT if function.shapes is None else WITH
         self.scratches = dict[int, Descents]()
 
     def descents(self, function: Function) -> Descents:
@@ -64,21 +64,21 @@ class Loops:
         return self.scratches[thread]
 
     def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
-        return self.kernels.descend_nodes(self.scratch(thread), nodes, self.floor)
+        return descend.descend_nodes(self.scratch(thread), self.higher, nodes, self.floor)
 
     def descend_patch(self, function: Function, nodes: NDArray[np.int32]) -> float:
-        return self.kernels.descend_nodes(self.descents(function), nodes, self.floor)
+        return descend.descend_nodes(self.descents(function), self.higher, nodes, self.floor)
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
         # Returned are the decrease of the functional and the number of flips.
-        return self.kernels.descend_flips(self.scratch(thread), self.floor, gainful, first, last, marks)
+        return flips.descend_flips(self.scratch(thread), self.higher, self.floor, gainful, first, last, marks)
 
     def weigh(
         self, thread: int, mesh: OpenMesh, offers: Offers, most: float, first: int, last: int, edges: bool
     ) -> None:
         # gains of splits of edges, or costs of collapses below `most`
-        self.kernels.weigh(mesh, self.scratch(thread), offers, most, self.floor, first, last, edges)
+        exchange.weigh(mesh, self.scratch(thread), self.higher, offers, most, self.floor, first, last, edges)
 
     def exchange(self, mesh: OpenMesh, offers: Offers, edges: Ints, nodes: Ints) -> tuple[int, float]:
         # Returned are the number of pairs and the decrease of the functional.
-        return self.kernels.exchange(mesh, self.scratch(0), offers, edges, nodes, self.floor)
+        return exchange.exchange(mesh, self.scratch(0), self.higher, offers, edges, nodes, self.floor)

@@ -149,7 +149,8 @@ def sweep(
     if swap_first:
         gain += flip_downhill(movable, loops)
     for _ in range(sweeps):
-        mark_interior(movable.triangulation.star, part, 1, interior, np.empty_like(order))
+        star = movable.triangulation.star
+        mark_interior(star.start, star.link, part, 1, interior, np.empty_like(order))
         gain += shared_in_parts(loops.descend_nodes, order, (part, interior))
         gain += descend_pairs(movable, loops, freedom)
         gain += flip_downhill(movable, loops) if flips else 0.0

@@ -8,8 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.tetrahedron import geometry as geometry_in_space
 from kohonen_adapt.kernels.tetrahedron import guard as guard_in_space
 from kohonen_adapt.kernels.tetrahedron import locate as locate_in_space
 from kohonen_adapt.kernels.tetrahedron import train as train_in_space
@@ -29,7 +27,7 @@ class MapMethod(ABC):
         Kind of element.
     kernel_groups
         Groups of `kernels/entries.py`.
-    find_winners, learn, mark_valid, mark_interior
+    find_winners, learn, mark_valid
         Kernels, which take the same arguments for both kinds of element.
     updates
         Updates of nodes per batch, so that Ctrl-C takes effect within half a second.
@@ -40,7 +38,6 @@ class MapMethod(ABC):
     find_winners: ClassVar[Any]
     learn: ClassVar[Any]
     mark_valid: ClassVar[Any]
-    mark_interior: ClassVar[Any]
     updates: ClassVar[int]
 
     @abstractmethod
@@ -62,7 +59,6 @@ class PlaneMap(MapMethod):
     find_winners = staticmethod(locate.find_winners)
     learn = staticmethod(train.learn)
     mark_valid = staticmethod(geometry.mark_valid)
-    mark_interior = staticmethod(ordering.mark_interior)
     updates = 5_000_000
 
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
@@ -83,7 +79,6 @@ class SpaceMap(MapMethod):
     find_winners = staticmethod(locate_in_space.find_winners)
     learn = staticmethod(train_in_space.learn)
     mark_valid = staticmethod(guard_in_space.mark_valid)
-    mark_interior = staticmethod(geometry_in_space.mark_interior)
     updates = 500_000
 
     def barycentric(self, count: int, rng: np.random.Generator) -> Floats:

@@ -19,7 +19,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import swap_elements
 from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
-from kohonen_adapt.kernels.ordering import along_curve, shuffle, sort_into_tiles
+from kohonen_adapt.kernels.ordering import along_curve, mark_interior, shuffle, sort_into_tiles
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
@@ -186,7 +186,8 @@ class Trainer:
         if isinstance(self.movable, MovableMesh):
             paired = np.flatnonzero(self.movable.constraints.periodic.partner >= 0)
             part[paired] = -1 - paired  # points near a pair change two parts of the mesh
-        self.method.mark_interior(self.neurons.star, part, rings, interior, self.scratch[0].queue)
+        star = self.neurons.star
+        mark_interior(star.start, star.link, part, rings, interior, self.scratch[0].queue)
         return interior
 
     def search(self, batch: Draw, start_nodes: Ints) -> tuple[Ints, Floats]:

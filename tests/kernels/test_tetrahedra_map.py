@@ -24,7 +24,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Star,
     Surfaces,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_interior
+from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.guard import mark_valid
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners
 from kohonen_adapt.kernels.tetrahedron.metric import ROUND
@@ -187,7 +187,8 @@ def test_deep_inside_a_part_nothing_reaches_another():
     made = Map(box(6))
     part = (made.position[:, 0] > 0.4).astype(np.int32) + (made.position[:, 1] > 0.6)
     interior, queue = np.empty(len(part), dtype=np.bool_), np.empty(len(part), dtype=np.int32)
-    mark_interior(made.neurons.star, part, 2, interior, queue)
+    star = made.neurons.star
+    ordering.mark_interior(star.start, star.link, part, 2, interior, queue)
     assert 0 < interior.sum() < len(part)
     for v in range(len(part)):
         near = np.concatenate(rings(made.elements.node, v, 2)).astype(int)

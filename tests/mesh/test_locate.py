@@ -1,7 +1,5 @@
 """Elements that hold points, and values of a solution there, in the plane and in space."""
 
-import inspect
-
 import numpy as np
 import pytest
 from helpers import meshes, tetrahedra
@@ -12,8 +10,7 @@ from scipy.interpolate import LinearNDInterpolator
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.mesh.locate import TESSELLATIONS, Locator, elements_at, walk_to_elements
+from kohonen_adapt.mesh.locate import Locator, elements_at, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -246,9 +243,3 @@ def test_rows_that_are_not_in_use_hold_no_point():
 def test_shapes_for_interpolation(mesh, values, x, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         ka.interpolate(mesh, values, x)
-
-
-@pytest.mark.parametrize("name", ["walk_each", "count_in_cells", "fill_cells", "find", "barycentric"])
-def test_kernels_of_both_kinds_take_the_same_arguments(name):
-    loops = [getattr(kind.locating, name) for kind in TESSELLATIONS.values()]
-    assert len({str(inspect.signature(interpreted(loop))) for loop in loops}) == 1 < len(loops)

@@ -11,7 +11,8 @@ from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
-from kohonen_adapt.kernels.triangle.polish import higher
+from kohonen_adapt.kernels.triangle.arrays import WITH
+from kohonen_adapt.kernels.triangle.polish.exchange import weigh
 from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
@@ -125,7 +126,7 @@ def test_what_was_in_memory_before_has_no_say(order):
         room = loops.scratch(0)
         for array in room.primal.block:
             array[:] = np.nan if array.dtype == np.float64 else -5
-        higher.weigh(mesh, room, offers, most, movable.floor, v, v + 1, False)
+        weigh(mesh, room, WITH, offers, most, movable.floor, v, v + 1, False)
     np.testing.assert_array_equal(offers.cost, costs)
 
 

@@ -12,8 +12,8 @@ import kohonen_adapt as ka
 from kohonen_adapt.kernels.functionals import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.flip import flip_edge
-from kohonen_adapt.kernels.triangle.polish import affine
-from kohonen_adapt.kernels.triangle.polish.flips import gain_of_flip
+from kohonen_adapt.kernels.triangle.polish.descend import descend_nodes
+from kohonen_adapt.kernels.triangle.polish.flips import descend_flips, gain_of_flip
 from kohonen_adapt.kernels.triangle.polish.linear import around, derivatives
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
 from kohonen_adapt.polishing.energy_tables import tabulated
@@ -234,7 +234,7 @@ def test_a_linear_law_is_polished_like_linear_material():
 
 
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
-    mesh, compiled = blocks(16), (affine.descend_nodes, affine.descend_flips)
+    mesh, compiled = blocks(16), (descend_nodes, descend_flips)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)

@@ -79,7 +79,7 @@ def test_deep_inside_a_part_nothing_reaches_another(radius):
     tri = Triangulation.of(generic_square(16))
     part = (tri.position[:, 0] > 0.4).astype(np.int32) + (tri.position[:, 1] > 0.6)
     interior, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
-    mark_interior(tri.star, part, radius + 1, interior, queue)
+    mark_interior(tri.star.start, tri.star.link, part, radius + 1, interior, queue)
     for v in range(tri.nnodes):
         near = np.concatenate(rings(tri.elements.node, np.zeros(len(tri.elements.node)), v, radius + 1, 0))
         assert interior[v] == np.all(part[near.astype(int)] == part[v])

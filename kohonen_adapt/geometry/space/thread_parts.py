@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Ints, padded
 from kohonen_adapt.kernels.arrays import Pool
-from kohonen_adapt.kernels.ordering import MARGIN, along_curve, parts_along
+from kohonen_adapt.kernels.ordering import MARGIN, along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED, Cavity, OpenTetrahedra, Queue, Star
-from kohonen_adapt.kernels.tetrahedron.geometry import ACROSS, find_parts, mark_interior
+from kohonen_adapt.kernels.tetrahedron.geometry import ACROSS, find_parts
 from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, shared_in_parts
 
 __all__ = ["Parts", "wait_in"]
@@ -70,7 +70,7 @@ class Parts:
         partitions = list[tuple[Nodes, NDArray[np.bool_]]]()
         for part in self.partitions:
             interior = np.empty(len(part), dtype=np.bool_)
-            mark_interior(star, part, 1, interior, np.empty_like(part))
+            mark_interior(star.start, star.link, part, 1, interior, np.empty_like(part))
             partitions.append((part, interior))
         return shared_in_parts(task, self.order, *partitions)
 

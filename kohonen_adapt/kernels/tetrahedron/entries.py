@@ -1,13 +1,12 @@
 """Signatures of the kernels on tetrahedra, grouped for compilation."""
 
-from numba.types import boolean, float64, int8, int32, int64, none
+from numba.types import Type, boolean, float64, int8, int32, int64, none
 
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels import coils, draw, functionals, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
-    GRID,
     HEAP,
     I1,
     I2,
@@ -38,7 +37,7 @@ from kohonen_adapt.kernels.tetrahedron.polish import (
     exchange,
 )
 
-__all__ = ["SPACE"]
+__all__ = ["SPACE", "TETRAHEDRA"]
 
 TETRAHEDRA = record_type(arrays.Tetrahedra, (I2, I2, I1, I2))
 STAR = record_type(arrays.Star, (I1, I1, I2))
@@ -65,16 +64,24 @@ KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS)
 BARS = record_type(coils.Bars, (R2, I2, R1, R3, I2, R2, R2, R2))
 ARCS = record_type(coils.Arcs, (R2, R3, R1, R2, R1, I1, R1, R2, R2))
 
-# Arguments of loops of both orders.
-SWAPS = QUEUE, R2, B1, float64, float64, int64
-EXCHANGE = QUEUE, OFFERS, I2, R1, L1, L1, float64, float64
+
+def polish(quadratic: Type) -> tuple[Entry, ...]:
+    return (
+        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, quadratic, I1, float64),
+        Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
+        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, quadratic, QUEUE, R2, B1, float64, float64, int64),
+        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, quadratic, OFFERS, int64, float64, L1),
+        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, quadratic, OFFERS, float64, float64, L1),
+        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, quadratic, QUEUE, OFFERS, I2, R1, L1, L1, float64, float64),
+    )
+
 
 # Groups "space ..." are compiled by a warm-up on request only.
 SPACE: dict[str, tuple[Entry, ...]] = {
     "space ground": (
         Entry(ordering.hilbert_keys_in_space, R2, R1, float64, L1),
         Entry(geometry.fill_star, I2, STAR),
-        Entry(geometry.mark_interior, STAR, I1, int64, B1, I1),
+        Entry(ordering.mark_interior, I1, I2, I1, int64, B1, I1),
         Entry(geometry.find_parts, I2, I1, I1),
     ),
     "space moves": (
@@ -94,32 +101,8 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
-    "space polish": (
-        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, none, I1, float64),
-        Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1),
-        Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, none, *SWAPS),
-        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, none, OFFERS, int64, float64, L1),
-        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, none, OFFERS, float64, float64, L1),
-        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, none, *EXCHANGE),
-    ),
-    "space polish of order 2": (
-        Entry(descend.descend_nodes, KERNEL_MESH, TRIAL, QUADRATIC, I1, float64),
-        Entry(swap.enter_changed, OPEN_TETRAHEDRA, TRIAL, QUEUE, R2, float64),
-        Entry(swap.swap_downhill, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, *SWAPS),
-        Entry(exchange.weigh_splits, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, OFFERS, int64, float64, L1),
-        Entry(exchange.weigh_collapses, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, OFFERS, float64, float64, L1),
-        Entry(exchange.exchange, OPEN_TETRAHEDRA, TRIAL, QUADRATIC, *EXCHANGE),
-    ),
-    "space carrying": (
-        Entry(locate.walk_each, R2, TETRAHEDRA, R2, I1, B1),
-        Entry(locate.barycentric, R2, I2, R2, I1, R2),
-    ),
-    "space locating": (
-        Entry(locate.count_in_cells, R2, I2, GRID),
-        Entry(locate.fill_cells, R2, I2, GRID),
-        Entry(locate.find, R2, TETRAHEDRA, R2, GRID, I1),
-    ),
+    "space polish": (*polish(none), Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1)),
+    "space polish of order 2": polish(QUADRATIC),
     "space coils": (
         Entry(coils.add_bars, BARS, R2, int64, int64, R2, R2),
         Entry(coils.add_arcs, ARCS, R2, int64, int64, R2),

@@ -254,37 +254,6 @@ def set_slopes(position, slope, a, b, c, d):
 
 
 @kernel
-def mark_interior(star, part, rings, interior, queue):
-    """Mark the nodes that have only nodes of their own part within `rings` rings.
-
-    `part` (n,) is the index of the part, `queue` (n,) scratch.
-    """
-    last = 0
-    for v in range(part.shape[0]):
-        interior[v] = True
-        for k in range(star.start[v], star.start[v + 1]):
-            for j in range(3):
-                if part[star.link[k, j]] != part[v]:
-                    interior[v] = False
-        if not interior[v]:
-            queue[last] = v
-            last += 1
-    first = 0
-    for _ in range(rings - 1):
-        end = last
-        for i in range(first, last):
-            v = queue[i]
-            for k in range(star.start[v], star.start[v + 1]):
-                for j in range(3):
-                    other = star.link[k, j]
-                    if interior[other]:
-                        interior[other] = False
-                        queue[end] = other
-                        end += 1
-        first, last = last, end
-
-
-@kernel
 def find_parts(node, part, of_element):
     for e in range(node.shape[0]):
         own = UNUSED if node[e, 0] < 0 else part[node[e, 0]]

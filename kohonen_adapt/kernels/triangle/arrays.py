@@ -61,6 +61,10 @@ class Star(NamedTuple):
     ahead: np.ndarray  # (3 m,) int32
     behind: np.ndarray  # (3 m,) int32
 
+    @property
+    def link(self) -> np.ndarray:
+        return np.column_stack([self.ahead, self.behind])
+
 
 @record
 class Chains(NamedTuple):

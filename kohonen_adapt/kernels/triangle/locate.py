@@ -1,22 +1,20 @@
-"""Elements at points, by walks and a grid, and winners of training points.
+"""Winners of training points on triangles.
 
-The search of a winner follows Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III.
+The search follows Lowther and Mai, "On Automatic Mesh Generation using Kohonen Maps", section III.
 """
 
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import CROSSINGS
-from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import (
     TOLERANCE,
     WALK,
     element_in_region,
-    find_in_cell,
     flood,
     nearest_visible,
     size_at_side,
-    walk,
+    walk_in_region,
 )
 from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
@@ -26,82 +24,12 @@ from kohonen_adapt.kernels.vectors import cross, dot, from_to, mapped, minus, sq
 STRETCH = 256  # consecutive points whose searches may start at the previous winner
 
 
-@kernel
-def walk_each(position, elements, points, found, inside):
-    for t in range(points.shape[0]):
-        found[t], inside[t] = walk(position, elements, found[t], xy(points, t))
-
-
-@kernel
-def count_in_cells(position, node, grid):
-    clear_counts(grid)
-    start, shape = grid.start, grid.shape
-    for e in range(node.shape[0]):
-        (i0, i1), (j0, j1) = cells_of_element(position, node, e, grid)
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                start[i * shape[1] + j] += 1
-    sum_up_counts(grid)
-
-
-@kernel
-def fill_cells(position, node, grid):
-    shape = grid.shape
-    for e in range(node.shape[0] - 1, -1, -1):
-        (i0, i1), (j0, j1) = cells_of_element(position, node, e, grid)
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                enter(grid, i * shape[1] + j, e)
-
-
 @inner_kernel
-def cells_of_element(position, node, e, grid):
-    return cells_between(position, node, e, 0, grid), cells_between(position, node, e, 1, grid)
-
-
-@kernel
-def find(position, elements, points, grid, found):
-    for t in range(points.shape[0]):
-        x = xy(points, t)
-        found[t] = -1
-        if np.isfinite(x[0]) and np.isfinite(x[1]):
-            c = cell_index(grid, x[0], 0) * grid.shape[1] + cell_index(grid, x[1], 1)
-            found[t] = find_in_cell(position, elements, grid, c, x)
-
-
-@kernel
-def barycentric(position, node, points, found, out):
-    for t in range(points.shape[0]):
-        e = np.int64(found[t])
-        total = 0.0
-        for k in range(3):
-            out[t, k] = np.nan if e < 0 else size_at_side(position, node, e, k, xy(points, t))
-            total += out[t, k]
-        for k in range(3):
-            out[t, k] /= total
-
-
-@inner_kernel
-def closest_neighbour(position, elements, star, inner, v, x, region):
-    best, nearest = squared_distance(position, v, x), v
-    for k in range(star.start[v], star.start[v + 1]):
-        if inner[v] or elements.region[star.element[k]] == region:
-            distance = squared_distance(position, np.int64(star.ahead[k]), x)
-            if distance < best:
-                best, nearest = distance, star.ahead[k]
-            if not inner[v]:  # around an inner node `behind` is `ahead` in the next row
-                distance = squared_distance(position, np.int64(star.behind[k]), x)
-                if distance < best:
-                    best, nearest = distance, star.behind[k]
-    return nearest
-
-
-@inner_kernel
-def containing_element(position, elements, star, constraints, v, x, region, scratch):
-    e = element_in_region(elements, star, v, region)
-    e, inside = walk(position, elements, e, x)
+def find_element(mesh, v, x, region, scratch):
+    position, elements = mesh.position, mesh.elements
+    e, inside = walk_in_region(mesh, v, x, region)
     # A point between a curve and its facets may lie in no element of the region; the element at the facet counts.
-    if inside or behind_curve(position, elements, constraints, e, x):
+    if inside or behind_curve(position, elements, mesh.constraints, e, x):
         return e
     return flood(position, elements, e, x, scratch)
 
@@ -120,14 +48,8 @@ def behind_curve(position, elements, constraints, e, x):
 
 @inner_kernel
 def find_winner(mesh, v, x, map_, region, scratch):
-    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    while True:
-        nearest = closest_neighbour(position, elements, star, constraints.inner, v, x, region)
-        if nearest == v:
-            break
-        v = nearest
-    e = containing_element(position, elements, star, constraints, v, x, region, scratch)
-    winner, squared = nearest_visible(position, elements, e, x, map_, scratch)
+    e = find_element(mesh, v, x, region, scratch)
+    winner, squared = nearest_visible(mesh.position, mesh.elements, e, x, map_, scratch)
     return winner, np.sqrt(squared)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.arrays import HALVINGS
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, FREE, HELD, OWN, POSITION, ROWS, UNKNOWNS, VALUE, WITHOUT
 from kohonen_adapt.kernels.triangle.chains import direction_of, point_at
 from kohonen_adapt.kernels.triangle.geometry import may_move
@@ -40,8 +40,8 @@ OVERSTEP = 1.6  # relaxation of Newton's step, as in successive over-relaxation:
 LEAST_CURVATURE = 0.3  # minimum as a fraction of the larger principal curvature, limits steps in flat directions
 
 
-@inner_kernel
-def descend_each(descents, higher, order, floor):
+@kernel
+def descend_nodes(descents, higher, order, floor):
     """Move nodes in the given order and return the gain by the moves.
 
     The unknowns of a node follow its move. Free unknowns minimise the functional, and a Dirichlet value is interpolated

@@ -9,7 +9,7 @@ two operations share an element, the functional falls by the sum of all gains le
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, OWN, ROWS, SLIDING, VALUE, WITH
 from kohonen_adapt.kernels.triangle.geometry import corner_of, ends_of
 from kohonen_adapt.kernels.triangle.polish import linear
@@ -40,8 +40,8 @@ FAR = 2.0
 change_by_linear_split, linear_merged = linear.change_by_split, linear.merged
 
 
-@inner_kernel
-def weigh_each(mesh, descents, higher, offers, most, floor, first, last, edges):
+@kernel
+def weigh(mesh, descents, higher, offers, most, floor, first, last, edges):
     """Compute the gains of splits by elements, or the costs of collapses by nodes.
 
     Elements or nodes are those from `first` to `last`, and costs are below `most`.
@@ -229,8 +229,8 @@ def next_collapse(mesh, offers, nodes, at, gain, floor):
     return -1
 
 
-@inner_kernel
-def exchange_each(mesh, descents, higher, offers, edges, nodes, floor):
+@kernel
+def exchange(mesh, descents, higher, offers, edges, nodes, floor):
     """Split edges in exchange for cheaper collapses.
 
     `edges` are 3 e + k by decreasing gain, and `nodes` are by increasing cost. The values of new nodes are stored in

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
 from kohonen_adapt.kernels.triangle.geometry import corner_of, corners_around, twice_area
@@ -23,8 +23,8 @@ NEAR = 0.25  # of twice the decrease of a step by few points: more than another 
 change_by_linear_flip = linear.change_by_flip
 
 
-@inner_kernel
-def flip_each(descents, higher, floor, gainful, first, last, marks):
+@kernel
+def descend_flips(descents, higher, floor, gainful, first, last, marks):
     """Flip edges of the elements `first` to `last` if the functional falls.
 
     Only elements marked in `gainful`, shape (m,), are visited, and every flip marks the neighbours. If `marks`, no
