@@ -129,14 +129,13 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             np.testing.assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
             np.testing.assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
         for i in range(count):
-            scratch.block.correction[:count], scratch.block.response[:count] = np.eye(count)[i], 0.0
             found = []
             for step in (STEP, -2.0 * STEP):
                 scratch.block.correction[:count] = np.eye(count)[i]
-                change(scratch.block, 0, step, 0.0)
+                change(scratch.block, 0, scratch.block.correction, step)
                 put(scratch, v, True)
                 found.append(now())
-            change(scratch.block, 0, STEP, 0.0)
+            change(scratch.block, 0, scratch.block.correction, STEP)
             put(scratch, v, True)
             np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
             np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)

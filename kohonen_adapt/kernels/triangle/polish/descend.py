@@ -13,11 +13,12 @@ from kohonen_adapt.kernels.triangle.polish import linear
 from kohonen_adapt.kernels.triangle.polish.linear import TRIES, around, improve_value, least_parabola
 from kohonen_adapt.kernels.triangle.polish.patch import (
     change,
+    correct,
     derivatives,
     factorise,
     may_centre,
     number_unknowns,
-    solve_upper,
+    respond,
 )
 from kohonen_adapt.kernels.triangle.polish.rows import gather_star, put_star
 from kohonen_adapt.kernels.vectors import (
@@ -92,7 +93,7 @@ def eliminated(descent, v, chain, first):
             curvature += rate * (2.0 * along + rate * block.stiffness[0, 0]) if i == 0 else 0.0
             put(block.mixed, i, (along + rate * block.stiffness[i, 0], 0.0))
         hessian = curvature, 0.0, 0.0
-    solved, square = factorise(block, first)
+    solved, square = factorise(block, first, POSITION)
     if not descent.trial.nonlinear[v]:
         now -= 0.5 * square
     for i in range(first, block.size[UNKNOWNS]):
@@ -233,7 +234,9 @@ def move(descents, v, chain, first, floor):
         gradient, hessian = plus(gradient, part[3]), plus(hessian, part[4])
     step, is_valid = step_of(chain, gradient, hessian), may_centre(primal, xy(position, v))
     for i in range(descents.terms):
-        solve_upper((primal if i == 0 else descents.dual).block, first, step)
+        block = (primal if i == 0 else descents.dual).block
+        correct(block, first)
+        respond(block, first, step)
     if primal.trial.nonlinear[v]:
         now = settle(primal, v, first, now)
     gain, length = 0.0, 1.0
@@ -267,13 +270,13 @@ def gain_at(descents, v, chain, first, x, parameter, length, now):
         if first:
             set_value(block, value_on(descent.trial, chain, parameter))
         if nonlinear:
-            change(block, first, 0.0, length)
+            change(block, first, block.response, length)
         gain -= derivatives(descent, x, VALUE if nonlinear else BLOCK)[1]
         if not nonlinear:
-            solved, square = factorise(block, first)
+            solved, square = factorise(block, first, BLOCK)
             gain = gain + 0.5 * square if solved else -np.inf
     if nonlinear and not gain > 0.0:
-        change(descents.primal.block, first, 0.0, -length)
+        change(descents.primal.block, first, descents.primal.block.response, -length)
     return gain
 
 
@@ -282,8 +285,8 @@ def finish(descent, v, first, moved):
     trial, block = descent.trial, descent.block
     if not trial.nonlinear[v]:
         if moved:
-            solve_upper(block, first, (0.0, 0.0))
-        change(block, first, 1.0, 0.0)
+            correct(block, first)
+        change(block, first, block.correction, 1.0)
     put_star(descent, v, first == 0)
     if first and moved:
         trial.value[v] = block.own[0] + block.own[1]
@@ -302,13 +305,13 @@ def improve(descent, higher, v, first):
         if not first:
             improve_value(descent.position, descent.star, descent.trial, v)
         return
-    now = derivatives(descent, xy(descent.position, v), BLOCK)[1]
-    if factorise(descent.block, first)[0]:
-        solve_upper(descent.block, first, (0.0, 0.0))
+    now, block = derivatives(descent, xy(descent.position, v), BLOCK)[1], descent.block
+    if factorise(block, first, BLOCK)[0]:
+        correct(block, first)
         if descent.trial.nonlinear[v]:
             settle(descent, v, first, now)
         else:
-            change(descent.block, first, 1.0, 0.0)
+            change(block, first, block.correction, 1.0)
         put_star(descent, v, first == 0)
 
 
@@ -318,13 +321,13 @@ def settle(descent, v, first, now):
 
     Return the functional of the star, which is `now` before.
     """
-    x, length = xy(descent.position, v), 1.0
-    change(descent.block, first, length, 0.0)
+    x, block, length = xy(descent.position, v), descent.block, 1.0
+    change(block, first, block.correction, length)
     for _ in range(TRIES):
         after = derivatives(descent, x, VALUE)[1]
         if after <= now:
             return after
-        change(descent.block, first, -0.5 * length, 0.0)
+        change(block, first, block.correction, -0.5 * length)
         length *= 0.5
-    change(descent.block, first, -length, 0.0)
+    change(block, first, block.correction, -length)
     return now

@@ -21,6 +21,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     HALF_COEFFICIENT,
     HALF_FLUX_X,
     HALF_FLUX_Y,
+    POSITION,
     ROWS,
     SIXTH_SOURCE,
     UNKNOWNS,
@@ -147,11 +148,12 @@ def add_linear(trial, reference, block, j, a, b, wanted):
             continue
         one, two = terms[0], terms[2]
         along, turn = aa * two - ab * terms[1] + bb * one, mean[i, 0] - mean[i, 1]
-        along_a, along_b = weight * (terms[1] - 2.0 * two), weight * (2.0 * one - terms[1])
         flow, pulled = cross(weighted(mean[i, 1], a, -mean[i, 0], b), flux), load * reference.mean[i]
         block.rest[row] += sign[j, i] * (weight * along - flow - pulled * doubled)
-        mixed = combined(along_a, a, -along_b, b, -weight * inverse * along - pulled, inwards)
-        add_to(block.mixed, row, times(sign[j, i], plus_times(mixed, turn, turned(flux))))
+        if wanted == POSITION:
+            along_a, along_b = weight * (terms[1] - 2.0 * two), weight * (2.0 * one - terms[1])
+            mixed = combined(along_a, a, -along_b, b, -weight * inverse * along - pulled, inwards)
+            add_to(block.mixed, row, times(sign[j, i], plus_times(mixed, turn, turned(flux))))
         for other in range(i + 1):
             column = dof[j, other]
             if column >= 0:
@@ -160,41 +162,50 @@ def add_linear(trial, reference, block, j, a, b, wanted):
     difference, m = slope_1 - slope_2, weighted(slope_2, a, -slope_1, b)
     push, pull = cross(m, flux), load * level * doubled
     square, squared = aa * second - ab * both + bb * first, first - both + second  # means of n.n and (G1 - G2)^2
+    energy = 0.5 * weight * square
+    magnitude, total = energy + abs(push) + abs(pull), energy - push - pull
+    if wanted < POSITION:
+        return magnitude, total, (0.0, 0.0), ZERO
     n = weighted(0.5 * both - second, a, 0.5 * both - first, b)  # mean of (G1 - G2) n
-    half_square, energy = 0.5 * inverse * square, 0.5 * weight * square
+    half_square = 0.5 * inverse * square
     gradient = plus_times(times(weight, plus_times(n, -half_square, inwards)), difference, turned(flux))
     gradient = plus_times(gradient, -load * level, inwards)
     rate, (ex, ey) = inverse * inverse * square, edge
     xx = weight * (squared + 2.0 * inverse * ey * n[0] + ey * ey * rate)
     yy = weight * (squared - 2.0 * inverse * ex * n[1] + ex * ex * rate)
     off_diagonal = weight * (inverse * (ey * n[1] - ex * n[0]) - ex * ey * rate)
-    return energy + abs(push) + abs(pull), energy - push - pull, gradient, (xx, off_diagonal, yy)
+    return magnitude, total, gradient, (xx, off_diagonal, yy)
 
 
 @inner_kernel
-def factorise(block, first):
-    return eliminate(block.stiffness, block.rest, block.mixed, 2, first, block.size[UNKNOWNS])
+def factorise(block, first, wanted):
+    columns = 2 if wanted == POSITION else 0
+    return eliminate(block.stiffness, block.rest, block.mixed, columns, first, block.size[UNKNOWNS])
 
 
 @inner_kernel
-def solve_upper(block, first, step):
-    count = block.size[UNKNOWNS]
-    for i in range(first, count):
-        block.correction[i], block.response[i] = -block.rest[i], -dot(step, xy(block.mixed, i))
-    substitute(block.stiffness, block.correction, first, count)
-    substitute(block.stiffness, block.response, first, count)
+def correct(block, first):
+    for i in range(first, block.size[UNKNOWNS]):
+        block.correction[i] = -block.rest[i]
+    substitute(block.stiffness, block.correction, first, block.size[UNKNOWNS])
 
 
 @inner_kernel
-def change(block, first, times, length):
-    """Add multiples of `Block.correction` and `Block.response` to the coefficients."""
+def respond(block, first, step):
+    for i in range(first, block.size[UNKNOWNS]):
+        block.response[i] = -dot(step, xy(block.mixed, i))
+    substitute(block.stiffness, block.response, first, block.size[UNKNOWNS])
+
+
+@inner_kernel
+def change(block, first, step, length):
+    """Add `length` times `Block.correction` or `Block.response` to the coefficients."""
     dof = block.dof
     for j in range(block.size[ROWS]):
         for i in range(dof.shape[1]):
             row = dof[j, i]
             if row >= first:
-                step = times * block.correction[row] + length * block.response[row]
-                block.local[j, i] += block.sign[j, i] * step
+                block.local[j, i] += block.sign[j, i] * (length * step[row])
 
 
 @inner_kernel
@@ -208,8 +219,8 @@ def minimise(descent, first, x, wanted):
         the step. The decrease is exact if the functional is quadratic.
     """
     magnitude, before = derivatives(descent, x, wanted)[:2]
-    solved, square = factorise(descent.block, first)
+    solved, square = factorise(descent.block, first, wanted)
     if solved:
-        solve_upper(descent.block, first, (0.0, 0.0))
-        change(descent.block, first, 1.0, 0.0)
+        correct(descent.block, first)
+        change(descent.block, first, descent.block.correction, 1.0)
     return solved, magnitude, before, square
