@@ -20,6 +20,20 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
+from kohonen_adapt.kernels.vectors import (
+    ZERO,
+    add_to,
+    combined,
+    dot,
+    from_to,
+    minus,
+    norm,
+    plus,
+    plus_times,
+    point,
+    put,
+    times,
+)
 
 __all__ = ["Arcs", "Bars", "add_arcs", "add_bars"]
 
@@ -63,29 +77,22 @@ def add_bars(bars, x, first, last, scratch, field):
     """
     for p in range(first, last):
         for k in range(bars.corner.shape[0]):
-            ax, ay, az = bars.corner[k, 0] - x[p, 0], bars.corner[k, 1] - x[p, 1], bars.corner[k, 2] - x[p, 2]
-            scratch[k, 0], scratch[k, 1], scratch[k, 2] = ax, ay, az
-            scratch[k, 3] = math.sqrt(ax * ax + ay * ay + az * az)
-        hx, hy, hz = edge_terms(bars, scratch)
-        gx, gy, gz = face_terms(bars, scratch)
-        field[p, 0] += hx - gx
-        field[p, 1] += hy - gy
-        field[p, 2] += hz - gz
+            corner = from_to(point(x, p), bars.corner, k)
+            put(scratch, k, corner)
+            scratch[k, 3] = norm(corner)
+        add_to(field, p, minus(edge_terms(bars, scratch), face_terms(bars, scratch)))
 
 
 @inner_kernel
 def edge_terms(bars, scratch):
-    hx = hy = hz = 0.0
+    field = ZERO
     for e in range(bars.end.shape[0]):
         a, b, length = bars.end[e, 0], bars.end[e, 1], bars.length[e]
         total = scratch[a, 3] + scratch[b, 3]
         if total - length > TINY * total:
             value = math.log((total + length) / (total - length))
-            ax, ay, az = value * scratch[a, 0], value * scratch[a, 1], value * scratch[a, 2]
-            hx += bars.matrix[e, 0, 0] * ax + bars.matrix[e, 0, 1] * ay + bars.matrix[e, 0, 2] * az
-            hy += bars.matrix[e, 1, 0] * ax + bars.matrix[e, 1, 1] * ay + bars.matrix[e, 1, 2] * az
-            hz += bars.matrix[e, 2, 0] * ax + bars.matrix[e, 2, 1] * ay + bars.matrix[e, 2, 2] * az
-    return hx, hy, hz
+            field = plus(field, transformed(bars.matrix[e], times(value, point(scratch, a))))
+    return field
 
 
 @inner_kernel
@@ -95,43 +102,36 @@ def face_terms(bars, scratch):
     The solid angles of both triangles of a face are the arguments of complex numbers (Van Oosterom and Strackee, IEEE
     Trans. Biomed. Eng. 30, 1983), so that the face has the argument of their product.
     """
-    gx = gy = gz = 0.0
+    total = ZERO
     for f in range(bars.face.shape[0]):
         a, b, c, d = bars.face[f, 0], bars.face[f, 1], bars.face[f, 2], bars.face[f, 3]
-        height = (
-            scratch[a, 0] * bars.normal[f, 0] + scratch[a, 1] * bars.normal[f, 1] + scratch[a, 2] * bars.normal[f, 2]
-        )
-        diagonal = dot(scratch, a, c)
         ra, rb, rc, rd = scratch[a, 3], scratch[b, 3], scratch[c, 3], scratch[d, 3]
-        one = ra * rb * rc + dot(scratch, a, b) * rc + diagonal * rb + dot(scratch, b, c) * ra
-        other = ra * rc * rd + diagonal * rd + dot(scratch, a, d) * rc + dot(scratch, c, d) * ra
-        p, q = height * bars.area[f, 0], height * bars.area[f, 1]
-        term = 2.0 * height * math.atan2(one * q + other * p, one * other - p * q)
-        gx += term * bars.weight[f, 0]
-        gy += term * bars.weight[f, 1]
-        gz += term * bars.weight[f, 2]
-    return gx, gy, gz
+        p, q, r, s = point(scratch, a), point(scratch, b), point(scratch, c), point(scratch, d)
+        height, diagonal = dot(p, point(bars.normal, f)), dot(p, r)
+        one = ra * rb * rc + dot(p, q) * rc + diagonal * rb + dot(q, r) * ra
+        other = ra * rc * rd + diagonal * rd + dot(p, s) * rc + dot(r, s) * ra
+        first, second = height * bars.area[f, 0], height * bars.area[f, 1]
+        angle = 2.0 * height * math.atan2(one * second + other * first, one * other - first * second)
+        total = plus_times(total, angle, point(bars.weight, f))
+    return total
 
 
 @inner_kernel
-def dot(vectors, a, b):
-    return vectors[a, 0] * vectors[b, 0] + vectors[a, 1] * vectors[b, 1] + vectors[a, 2] * vectors[b, 2]
+def transformed(matrix, a):
+    return dot(point(matrix, 0), a), dot(point(matrix, 1), a), dot(point(matrix, 2), a)
 
 
 @kernel
 def add_arcs(arcs, x, first, last, field):
     for p in range(first, last):
         for a in range(arcs.centre.shape[0]):
-            dx, dy, dz = x[p, 0] - arcs.centre[a, 0], x[p, 1] - arcs.centre[a, 1], x[p, 2] - arcs.centre[a, 2]
-            u = arcs.frame[a, 0, 0] * dx + arcs.frame[a, 0, 1] * dy + arcs.frame[a, 0, 2] * dz
-            v = arcs.frame[a, 1, 0] * dx + arcs.frame[a, 1, 1] * dy + arcs.frame[a, 1, 2] * dz
-            z = arcs.frame[a, 2, 0] * dx + arcs.frame[a, 2, 1] * dy + arcs.frame[a, 2, 2] * dz
+            frame = arcs.frame[a]
+            u, v, z = transformed(frame, minus(point(x, p), point(arcs.centre, a)))
             radius, angle = math.sqrt(u * u + v * v), math.atan2(v, u)
             outward, around, axial = arc_field(arcs, a, radius, angle, z)
             cosine, sine = math.cos(angle), math.sin(angle)
             u, v = outward * cosine - around * sine, outward * sine + around * cosine
-            for i in range(3):
-                field[p, i] += u * arcs.frame[a, 0, i] + v * arcs.frame[a, 1, i] + axial * arcs.frame[a, 2, i]
+            add_to(field, p, combined(u, point(frame, 0), v, point(frame, 1), axial, point(frame, 2)))
 
 
 @inner_kernel
@@ -143,27 +143,25 @@ def arc_field(arcs, a, radius, angle, z):
     if abs(angle) < half:
         if rule_for(arcs, a, radius, z, -half - angle, half - angle) < len(arcs.npoints) - 1:
             return stretch_field(arcs, a, radius, z, -half - angle, half - angle)
-        p, q, r = stretch_field(arcs, a, radius, z, 0.0, half - angle)
-        s, t, u = stretch_field(arcs, a, radius, z, 0.0, -half - angle)
-        return p - s, q - t, r - u
-    near, far = (half - angle, -half - angle) if angle > 0.0 else (-half - angle, half - angle)
-    p, q, r = stretch_field(arcs, a, radius, z, near, far)
-    return (-p, -q, -r) if angle > 0.0 else (p, q, r)
+        ahead = stretch_field(arcs, a, radius, z, 0.0, half - angle)
+        return minus(ahead, stretch_field(arcs, a, radius, z, 0.0, -half - angle))
+    if angle > 0.0:
+        return times(-1.0, stretch_field(arcs, a, radius, z, half - angle, -half - angle))
+    return stretch_field(arcs, a, radius, z, -half - angle, half - angle)
 
 
 @inner_kernel
 def stretch_field(arcs, a, radius, z, start, end):
-    outward = around = axial = 0.0
+    # outwards, around the axis and along the axis
+    total = ZERO
     rule = rule_for(arcs, a, radius, z, start, end)
     for i in range(arcs.npoints[rule]):
         psi = start + (end - start) * arcs.fraction[rule, i]
         cosine, sine = math.cos(psi), math.sin(psi)
         across, along = section_field(arcs, a, radius, z, cosine, sine)
-        outward += arcs.weight[rule, i] * across * cosine
-        around += arcs.weight[rule, i] * across * sine
-        axial += arcs.weight[rule, i] * along
-    size = arcs.density[a] * (end - start)
-    return size * outward, size * around, size * axial
+        weight = arcs.weight[rule, i]
+        total = plus(total, (weight * across * cosine, weight * across * sine, weight * along))
+    return times(arcs.density[a] * (end - start), total)
 
 
 @inner_kernel
