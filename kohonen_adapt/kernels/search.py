@@ -151,9 +151,10 @@ def walk(position, elements, e, x):
             size = size_at_side(position, node, e, k, x)
             least = min(least, size)
             total += size
-            across = np.int64(elements.neighbour[e, k])
-            if size < most and across >= 0 and elements.region[across] == region:
-                onward, most = across, size
+            if size < most:
+                across = np.int64(elements.neighbour[e, k])
+                if across >= 0 and elements.region[across] == region:
+                    onward, most = across, size
         if least / total >= -TOLERANCE:
             return e, True
         if onward < 0:
