@@ -20,7 +20,9 @@ AIM_AT_ORDER_3 = 0.83
 MAX_FACTOR = 3.0  # of the number of nodes per pass: the prediction from an ungraded mesh is coarse
 # Least growth on tetrahedra of order 2 after a pass with a growth by GREW, if the error requires as much.
 REGROWN = 1.25
-MISSED = 1.1  # least factor of the number of nodes after a pass that the prediction called large enough
+# Least factor of the number of nodes after the second pass, if the prediction called that large enough. Its power rises
+# by one from pass to pass, because the prediction has failed more often.
+MISSED = 1.1
 # Largest number of nodes in the first pass, as a multiple of the predicted number for the estimate of the input. More
 # nodes on an ungraded mesh, as on M to 0.1 % at order 2, take half as long again (`python -m benchmarks error`).
 FIRST = 10.0
@@ -147,7 +149,8 @@ class GrowthByTolerance:
         if grew and not drifts:
             return now
         # If few nodes are new, the next pass gains little by placing, least of all at order 2 on tetrahedra.
-        missing = max(MISSED, (spread_error(last.indicators) / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
+        missed = MISSED ** (last.number - 1)
+        missing = max(missed, (spread_error(last.indicators) / aim) ** (self.dim / self.order) if aim > 0.0 else inf)
         if grew:
             return max(now * min(missing, REGROWN), (wanted * (now * missing) ** 2) ** (1.0 / 3.0))
         return now * missing
