@@ -57,18 +57,33 @@ def test_the_mesh_before_the_last_knows_enough_to_place_its_nodes(start, more, p
 )
 def test_nodes_are_not_taken_away_above_the_tolerance(degree, number, indicators, excess, kept):
     # Few large indicators predict fewer nodes than the mesh has: so would passes take nodes away and add them in turns.
-    (order, dim), count = degree, len(indicators)
-    splits, estimate = round((1.0 - kept) * count), float(np.linalg.norm(indicators))
-    last = SimpleNamespace(
-        mesh=SimpleNamespace(nvertices=count),
+    last = pass_of(indicators, number, splits=round((1.0 - kept) * len(indicators)))
+    assert nodes_after(last, excess, *degree) >= len(indicators)
+
+
+def pass_of(indicators, number, splits=0):
+    return SimpleNamespace(
+        mesh=SimpleNamespace(nvertices=len(indicators)),
         number=number,
-        estimate=estimate,
+        estimate=float(np.linalg.norm(indicators)),
         indicators=np.array(indicators),
         splits=splits,
         collapses=0,
     )
-    growth = GrowthByTolerance(count, 10**6, lambda _: estimate / excess, order, dim, removes=True)
-    assert growth.nodes(number + 1, True, last) >= count
+
+
+def nodes_after(last, excess, order, dim):
+    # where the estimate of a pass is `excess` of the tolerance
+    growth = GrowthByTolerance(last.mesh.nvertices, 10**6, lambda _: last.estimate / excess, order, dim, removes=True)
+    return growth.nodes(last.number + 1, True, last)
+
+
+@pytest.mark.parametrize("degree", [(1, 2), (3, 2), (2, 3)])
+def test_predictions_that_fail_again_count_less(degree):
+    # few large indicators ask for fewer nodes than there are, in every pass
+    indicators = [1.0, *[1e-4] * 999]
+    nodes = [nodes_after(pass_of(indicators, number), 1.5, *degree) for number in range(2, 8)]
+    assert nodes == [round(1000 * 1.1**power) for power in range(1, 7)]
 
 
 def test_without_a_target_nodes_stay_as_many():
