@@ -8,10 +8,9 @@ from skfem import Basis, ElementTriP1, ElementTriP2, MeshTri
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.kernels.entries import ENTRIES
+from kohonen_adapt.kernels.entries import ENTRIES, IN_SPACE
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
-from kohonen_adapt.kernels.tetrahedron.entries import SPACE
 from kohonen_adapt.kernels.triangle.equilibrate import NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.locate import interpolate
 from kohonen_adapt.polishing.functional import Functional
@@ -49,7 +48,7 @@ def warmup(space: bool = False) -> None:
     >>> import kohonen_adapt as ka
     >>> ka.warmup()  # doctest: +SKIP
     """
-    expect(*(chapter for chapter in ENTRIES if space or chapter not in SPACE))
+    expect(*(chapter for chapter in ENTRIES if space or chapter not in IN_SPACE))
     mesh = MeshTri().refined(2)
     brief = Schedule((Stage(2, 1, 0.3),), rounds=1, sweeps=1)
     for topology in ("recycle", "flip", "fixed"):
@@ -65,7 +64,7 @@ def warmup(space: bool = False) -> None:
         _polish(mesh, Ritz(x**2, x == 0.0, 1.0, order=order))
     _equilibrate()
     if space:
-        for entry in (entry for chapter in SPACE.values() for entry in chapter):
+        for entry in (entry for chapter in IN_SPACE.values() for entry in chapter):
             entry.compile()
 
 
@@ -77,7 +76,7 @@ def compile_missing() -> None:
     if PLAIN:  # entries have the types of the fast compiler
         warmup()
         return
-    entries = [entry for chapter in ENTRIES if chapter not in SPACE for entry in ENTRIES[chapter]]
+    entries = [entry for chapter in ENTRIES if chapter not in IN_SPACE for entry in ENTRIES[chapter]]
     compiled = [entry for entry in entries if hasattr(entry.loop, "py_func")]  # plain functions if numba is disabled
     missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]
     if missing and is_cacheable(missing[0].loop):

@@ -38,7 +38,7 @@ from kohonen_adapt.kernels.triangle import (
 )
 from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
 
-__all__ = ["ENTRIES"]
+__all__ = ["ENTRIES", "IN_SPACE"]
 
 B2 = boolean[:, ::1]
 
@@ -91,6 +91,12 @@ def locating(elements: Type, components: int) -> tuple[Entry, ...]:
     )
 
 
+IN_SPACE: dict[str, tuple[Entry, ...]] = {
+    **SPACE,
+    "space carrying": carrying(TETRAHEDRA, 3),
+    "space locating": locating(TETRAHEDRA, 3),
+}
+
 # Groups by use. In "polish" the loops that exchange nodes are first: the second process works backwards, and compiles
 # them when this process has stored the inner loops shared with `recycle`. For the same reason the loops at the end of a
 # relocation are last in "map".
@@ -140,7 +146,5 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
     "equilibration": (Entry(equilibrate.equilibrate, FLUX_DATA, PATCH_SCRATCH, B2, R3, R1),),
     "carrying": carrying(ELEMENTS, 2),
     "locating": locating(ELEMENTS, 2),
-    **SPACE,
-    "space carrying": carrying(TETRAHEDRA, 3),
-    "space locating": locating(TETRAHEDRA, 3),
+    **IN_SPACE,
 }
