@@ -38,14 +38,10 @@ def with_corner_layers(
     try:
         return made_of(pieces, mesh, shape)
     except FoldedLayers as error:
-        if not halvings:
+        # Curved sides bend by more than the layers are thick; their halves bend by a quarter.
+        finer = with_halved_sides(mesh, shape, error.elements, periodic) if halvings else None
+        if finer is None:
             raise
-        folded = error.elements
-    # Curved sides bend by more than the layers are thick; their halves bend by a quarter.
-    marked = np.zeros(shape.corners.facets.shape[1], dtype=np.bool_)
-    marked[shape.corners.t2f[:, folded]] = True
-    marked = with_image_sides(marked & shape.side_offset.any(axis=0), shape.corners, periodic)
-    finer = with_halved_sides(mesh, shape, marked)
     more = np.append(singular, np.zeros(finer.nvertices - singular.size, dtype=np.bool_))
     return with_corner_layers(finer, more, layers, factor, periodic, curves, halvings - 1)
 
@@ -55,9 +51,16 @@ def made_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
     return with_curved_sides(made, pieces, shape) if shape.curved.any() else made
 
 
-def with_halved_sides(mesh: MeshTri, shape: Blended, marked: Mask) -> MeshTri:
+def with_halved_sides(mesh: MeshTri, shape: Blended, elements: Ints, periodic: Sequence[Pair]) -> MeshTri | None:
+    # with halves of the curved sides of elements, or None if these would be inverted
+    marked = np.zeros(shape.corners.facets.shape[1], dtype=np.bool_)
+    marked[shape.corners.t2f[:, elements]] = True
+    marked = with_image_sides(marked & shape.side_offset.any(axis=0), shape.corners, periodic)
     whole = Pieces.of(shape.t)
-    return made_of(halved(whole, marked[facets_opposite(shape.corners, whole.node)]), mesh, shape)
+    try:
+        return made_of(halved(whole, marked[facets_opposite(shape.corners, whole.node)]), mesh, shape)
+    except FoldedLayers:
+        return None
 
 
 def with_image_sides(marked: Mask, mesh: MeshTri, periodic: Sequence[Pair]) -> Mask:
