@@ -26,7 +26,7 @@ from kohonen_adapt.mesh.curved import is_second_order, refined
 from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.mesh.measures import signed_area
 
-__all__ = ["PossibleArc", "possible_arcs", "refined_on_arcs"]
+__all__ = ["SHARPEST", "PossibleArc", "naming", "possible_arcs", "refined_on_arcs"]
 
 CIRCULAR = 1e-6  # maximum distance of a corner from the circle, relative to the radius
 SHARPEST = np.deg2rad(75.0)  # maximum turn at a corner: a pentagon turns by 72 degrees, a square by 90
@@ -81,15 +81,21 @@ class PossibleArc(NamedTuple):
     is_cut: bool  # True if other boundaries or interfaces end in the polygon
 
     def advice(self) -> str:
-        key, at = self.names[0] if self.names else "NAME", "({:.9g}, {:.9g})".format(*self.centre)
-        called = f"boundary '{key}'" if self.names else "a boundary without a name"
-        first = "" if self.names else "name it (by a group of lines) and "
+        at = "({:.9g}, {:.9g})".format(*self.centre)
+        key, called, first = naming(self.names, "lines")
         return (
             f"{called} has {self.nodes} nodes on a circle of radius {self.radius:.6g} about {at} and turns by up to "
             f"{np.rad2deg(self.turn):.3g} degrees at each. It is treated as a polygon, with new nodes on its sides. If "
             f'it is a circle, {first}adapt with curves={{"{key}": ka.Arc({at}, {self.radius:.9g})}}, in a case '
             f'adapt.curves.{key} = {{curve = "arc", centre = [{at[1:-1]}], radius = {self.radius:.9g}}}.'
         )
+
+
+def naming(names: list[str], group: str) -> tuple[str, str, str]:
+    # the name to write, the subject of a sentence, and the step before for a boundary without a name
+    if names:
+        return names[0], f"boundary '{names[0]}'", ""
+    return "NAME", "a boundary without a name", f"name it (by a group of {group}) and "
 
 
 def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.geometry.plane.arcs import SHARPEST
+from kohonen_adapt.geometry.plane.arcs import SHARPEST, naming
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import constrained_faces, edges_of, seams_of
 from kohonen_adapt.geometry.space.recognition import Skin, rounds_of_set
@@ -24,9 +24,7 @@ class PossibleCylinder(NamedTuple):
     radius: float
 
     def advice(self) -> str:
-        key = self.names[0] if self.names else "NAME"
-        called = f"boundary '{key}'" if self.names else "a boundary without a name"
-        first = "" if self.names else "name it (by a group of surfaces) and "
+        key, called, first = naming(self.names, "surfaces")
         point, axis = ("({:.9g}, {:.9g}, {:.9g})".format(*each) for each in (self.point, self.axis))
         return (
             f"{called} has {self.strips} plane strips, with all nodes on a cylinder of radius {self.radius:.6g} about "
