@@ -122,7 +122,7 @@ class Pass(Work):
     worth
         Error measure that compares passes if the functional cannot: the estimated error in the problem's norm. The mean
         density of the squared error also counts between straight sides or faces and their curves. The data oscillation
-        is added if the mesh does not resolve the source of ``ritz``. Where smaller elements of another pass
+        is added if the mesh does not resolve the data of ``ritz``. Where smaller elements of another pass
         have more error, the comparison scales their error to the size of the larger elements.
     energy_norm
         Energy norm of the solution, None if the problem has no ``energy_norm``.

@@ -151,7 +151,7 @@ class Ritz:
     -----
     `adapt` and `polish` raise ValueError for a solution at which the functional is not stationary: a residual at a free
     unknown of more than 1 % of the terms there and 0.1 % of the largest terms. For sources and fluxes that are
-    functions the limit includes the differences between quadrature rules. On a mesh that does not resolve a source,
+    functions the limit includes the differences between quadrature rules. On a mesh that does not resolve the data,
     where quadrature rules disagree in much of the whole load, `adapt` leaves out the polish with a message, and adds
     the data oscillation to the estimate that compares passes.
 

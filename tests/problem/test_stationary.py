@@ -155,6 +155,17 @@ def test_a_source_that_the_first_mesh_does_not_resolve_is_no_error(k, rule):
     assert problem.error(result.mesh) < 0.5 * problem.error(mesh)
 
 
+@pytest.mark.parametrize(("by_flux", "k", "rule"), [(True, 1500.0, 2), (True, 1500.0, 5), (False, 1e4, 8)])
+def test_no_rule_sees_a_layer_in_all_elements(by_flux, k, rule):
+    """Only a few points of every rule are within a layer of a fiftieth of an element, or of a three-hundredth."""
+    mesh, problem = MeshTri().refined(5), Layer(k, (0.43, 0.37), rule, by_flux=by_flux)
+    result = ka.adapt(mesh, problem, passes=3)
+    assert result.error is None and result.best.number >= 2
+    data = "flux" if by_flux else "source"
+    assert result.history[0].unpolished == f"the mesh does not resolve the {data} of its Ritz"
+    assert problem.error(result.mesh) < 0.9 * problem.error(mesh)
+
+
 @pytest.mark.parametrize("rule", [1, 3])
 def test_a_solver_may_have_another_rule_than_ritz(rule):
     """At k = 100 off the centre these rules differ by up to 7 % of the terms at a node."""
