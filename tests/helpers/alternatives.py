@@ -179,12 +179,6 @@ def functional(position, node, data, values, laws=None):
     return float(area @ (stored - f * nodal.mean(axis=1) - np.sum(g * gradient, axis=0)))
 
 
-def size_of_functional(position, node, data, values, laws=None):
-    """How large the parts of the functional are: they may cancel, and what is rounded is they."""
-    stored = functional(position, node, data * [1.0, 0.0, 0.0, 0.0], values, laws)
-    return stored + abs(functional(position, node, data, values, laws) - stored)
-
-
 def ritz_solution(position, node, data, values, fixed):
     """The values that minimise the functional with the fixed ones kept: dense, from the hat functions."""
     n = len(position)

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementTetP1, ElementTetP2, LinearForm, condense, solve
+from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, condense, solve
 from skfem.helpers import dot, grad
-from skfem.quadrature import get_quadrature
 
 import kohonen_adapt as ka
 from helpers.diffusion_solids import Diffusion, Rising
@@ -123,30 +122,6 @@ class NonlinearQuadratic(QuadraticDiffusion):
         load = LinearForm(lambda v, w: dot(field - g, grad(v)) - f * v).assemble(basis)
         second = BilinearForm(lambda u, v, w: np.einsum("i...,ij...,j...", grad(u), tensor, grad(v)))
         return load, second.assemble(basis)
-
-
-def functional(position, node, local, constants, laws=None):
-    """int c/2 |grad u|^2 - f u - g . grad u by points.
-
-    `local` (m, 10) are the coefficients of L_i and of 4 L_i L_j, `constants` (m, 8) are c, f, g and the shift s of a
-    law W(|grad u - s|) in place of c, where `laws` (m,) has one.
-    """
-    corners, (c, f), g, s = position[node], constants.T[:2], constants[:, 2:5], constants[:, 5:]
-    hats = np.linalg.inv(np.concatenate([np.ones((*node.shape, 1)), corners], axis=2))[:, 1:].transpose(0, 2, 1)
-    six, total = np.linalg.det(corners[:, 1:] - corners[:, :1]), 0.0
-    points, weights = get_quadrature(ElementTetP1, 2 if laws is None else 4)  # exact for the energy of `Rising`
-    for x, weight in zip(points.T, weights, strict=True):
-        at = np.append(1.0 - x.sum(), x)
-        slope, value = np.einsum("mk,mkd->md", local[:, :4], hats), local[:, :4] @ at
-        for mode, (i, j) in zip(local[:, 4:].T, PAIRS, strict=True):
-            slope += 4.0 * mode[:, None] * (at[i] * hats[:, j] + at[j] * hats[:, i])
-            value += 4.0 * mode * at[i] * at[j]
-        stored = 0.5 * c * np.sum(slope**2, axis=1)
-        for e, law in enumerate(laws or ()):
-            if law is not None:
-                stored[e] = law.energy(np.linalg.norm(slope[e] - s[e]))
-        total += weight * six @ (stored - f * value - np.sum(g * slope, axis=1))
-    return total
 
 
 def slivers(descent):

@@ -97,20 +97,3 @@ class SlowSolidMap:
             for v in ring:
                 self.move(v, x, rate * share)
         return distance.min()
-
-
-def functional(position, node, data, values, laws=None, offset=None):
-    """Coefficient, source, flux and shift of elements (m, 9) make the Ritz functional, or laws do.
-
-    The last column is 1 where the function is the values minus an offset.
-    """
-    edges = position[node[:, 1:]] - position[node[:, :1]]
-    values = values[node] if offset is None else values[node] - data[:, 8:] * offset[node]
-    sixfold, rise = np.linalg.det(edges), values[:, 1:] - values[:, :1]
-    slope = np.linalg.solve(edges, rise[..., None])[..., 0]
-    density = 0.5 * data[:, 0] * np.sum(slope**2, axis=1)
-    for e, law in enumerate([] if laws is None else laws):
-        if law is not None:
-            density[e] = law.energy(np.linalg.norm(slope[e] - data[e, 5:8]))
-    density -= data[:, 1] * values.mean(axis=1) + np.sum(data[:, 2:5] * slope, axis=1)
-    return float(np.sum(sixfold * density)) / 6.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers import devices, driven_solids, round_magnet
 from helpers import scalar_problems as scalar
+from helpers.descents import Start
 from helpers.diffusion_solids import Diffusion
 from helpers.meshes import l_shape
 from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
@@ -22,9 +23,7 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD
 from kohonen_adapt.loop.dimension import method_of
-from kohonen_adapt.polishing.energy_recycling import recycle_by_energy
 from kohonen_adapt.polishing.paired_stars import set_partners
-from kohonen_adapt.polishing.plane_descent import flip_downhill, sweep
 from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.problem.protocol import CheckedProblem
 
@@ -122,41 +121,23 @@ def test_so_it_does_beside_coils_and_iron(seed, plan):
     certified(driven_solids.block_mesh(seed % 4), driven_solids.random_problem(seed % 4), plan, TABLE)
 
 
-class Start:
-    """A rough function on the mesh of a case in the plane: the solution, disturbed where nothing is prescribed."""
-
-    def __init__(self, name):
-        mesh, problem = CASES[name][0]()
-        rough = 0.0 if name.startswith("round") else 2e-3
-        method, self.movable = opened(mesh, problem)
-        mesh = self.movable.start()
-        self.functional = method.functional(problem.ritz(mesh, problem.solve(mesh)), self.movable, mesh)
-        self.trial = self.functional.solution.copy()
-        for seed, function in enumerate(filter(None, (self.trial, self.trial.dual))):
-            free, size = ~self.trial.fixed, np.abs(function.values).max()
-            function.values[free] += rough * size * np.random.default_rng(seed).normal(size=free.sum())
-        set_partners(self.movable, self.trial, self.functional.sign)
-
-    def value(self):
-        offsets = self.movable.midside_offsets() if self.movable.curved else None
-        return self.functional.value(self.movable.triangulation, self.trial, offsets)
-
-    def sweep(self):
-        return sweep(self.movable, self.functional, self.trial, 1, False)
-
-    def flip(self):
-        loops = self.functional.loops(self.movable, self.trial, self.movable.kernel_mesh())
-        return flip_downhill(self.movable, loops)
-
-    def recycle(self):
-        start = unchanged(self.movable.triangulation)
-        self.trial, _, decrease, _ = recycle_by_energy(self.movable, self.functional, self.trial, start)
-        return decrease
+def started(name):
+    """From a rough function on the mesh of a case: the solution, disturbed where nothing is prescribed."""
+    mesh, problem = CASES[name][0]()
+    rough = 0.0 if name.startswith("round") else 2e-3
+    method, movable = opened(mesh, problem)
+    mesh = movable.start()
+    at = Start(movable, method.functional(problem.ritz(mesh, problem.solve(mesh)), movable, mesh))
+    for seed, function in enumerate(filter(None, (at.trial, at.trial.dual))):
+        free, size = ~at.trial.fixed, np.abs(function.values).max()
+        function.values[free] += rough * size * np.random.default_rng(seed).normal(size=free.sum())
+    set_partners(movable, at.trial, at.functional.sign)
+    return at
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if "curved" not in name])
 def test_flips_and_recycling_take_off_what_they_say_and_sweeps_no_less(name):
-    at, near = Start(name), CASES[name][1]
+    at, near = started(name), CASES[name][1]
     flips = near == EXACT and name not in LOWER_BOUNDS  # of laws above order 1 a flip tells a lower bound, too
     again = (at.sweep, False), (at.recycle, near == EXACT)
     for step, exact in ((at.flip, flips), *again, *again):
@@ -169,10 +150,10 @@ def test_flips_and_recycling_take_off_what_they_say_and_sweeps_no_less(name):
 
 @pytest.mark.parametrize("name", [name for name in CASES if not name.startswith(AWAY)])
 def test_at_rest_the_functional_is_stationary(name):
-    at = Start(name)
+    at = started(name)
     x, chains = at.movable.triangulation.position, at.movable.constraints
     for _ in range(60):
-        sweep(at.movable, at.functional, at.trial, 1, False)
+        at.sweep()
     at.movable.triangulation.refill_star()
     quality = star_quality(at.movable.triangulation)
     size, scale = np.ptp(x, axis=0).max(), abs(at.value())

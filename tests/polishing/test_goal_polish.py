@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.descents import descent_of
+from helpers.descents import Start, descent_of
 from helpers.meshes import inset, junction, l_shape, perturbed
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, condense, solve
 from skfem.models import laplace, unit_load
@@ -14,7 +14,6 @@ from kohonen_adapt import Rules
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.polish import descend_and_recycle
 
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
@@ -39,21 +38,9 @@ def two_functionals(mesh, seed, share=1.0, dual=True, order=1):
     return replace(first, dual=second if dual else None, share=share)
 
 
-class Setting:
-    """A mesh that moves, and the sum of functionals on it."""
-
-    def __init__(self, mesh, ritz):
-        self.movable = MovableMesh.of(mesh, Rules("recycle"))
-        self.functional = Functional.of(ritz, self.movable)
-        self.trial = self.functional.solution.copy()
-
-    def value(self):
-        return self.functional.value(self.movable.triangulation, self.trial)
-
-
 def polished(mesh, ritz):
     """Position and elements after moves, flips and recycling."""
-    at = Setting(mesh, ritz)
+    at = Start.of(mesh, ritz)
     descend_and_recycle(descent_of(at.movable, at.functional, at.trial))
     return at.movable.triangulation.position, at.movable.triangulation.elements.node
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.descents import Start
 from helpers.meshes import l_shape, perturbed
 from helpers.scalar_problems import Corner, loaded, magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
@@ -15,7 +16,7 @@ from kohonen_adapt.kernels.triangle.arrays import WITH
 from kohonen_adapt.kernels.triangle.polish.exchange import weigh
 from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.mesh.host import count_unknowns
-from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, recycle_by_energy, with_spare_rows
+from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
@@ -27,33 +28,9 @@ PROBLEMS = {"L": Corner, "F": loaded, "M": magnet}
 each_problem = pytest.mark.parametrize("letter", MESHES)
 
 
-class Setting:
-    """A mesh, a solution on it, and the functional that it minimises there."""
-
-    def __init__(self, mesh, problem, topology="recycle"):
-        self.problem, self.movable = problem, MovableMesh.of(mesh, Rules(topology).guarded())
-        ritz = problem.ritz(mesh, problem.solve(mesh))
-        self.functional = Functional.of(ritz, self.movable, mesh)
-        self.trial = self.functional.solution.copy()
-
-    def value(self):
-        return self.functional.value(self.movable.triangulation, self.trial)
-
-    def solved(self):
-        mesh = self.movable.mesh()
-        return functional_value(mesh, self.problem.ritz(mesh, self.problem.solve(mesh)))
-
-    def torn(self):
-        """The largest difference between the coefficients of a side in its two elements."""
-        elements, side = self.movable.triangulation.elements, self.trial.modes.side
-        e, k = np.nonzero(elements.neighbour >= 0)
-        other = elements.neighbour[e, k]
-        j = np.argmax(elements.neighbour[other] == e[:, None], axis=1)
-        return np.abs(side[e, k] - np.array([1.0, -1.0])[: side.shape[2]] * side[other, j]).max()
-
-
-def at(letter, order):
-    return Setting(MESHES[letter](), PROBLEMS[letter](order))
+def started(mesh, problem):
+    """From its solution."""
+    return Start.of(mesh, problem.ritz(mesh, problem.solve(mesh)))
 
 
 @pytest.mark.parametrize("order", (1, 2, 3))
@@ -84,12 +61,10 @@ def test_the_functional_is_that_of_scikit_fem(letter, order):
 
 @each_order
 def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
-    setting = at("L", order)
-    before, recycled, legs = setting.value(), unchanged(setting.movable.triangulation), []
+    setting, legs = started(l_shape(6), Corner(order)), []
+    before = setting.value()
     for _ in range(4):
-        now = setting.movable, setting.functional, setting.trial, recycled
-        setting.trial, recycled, decrease, _ = recycle_by_energy(*now)
-        after = setting.value()
+        decrease, after = setting.recycle(), setting.value()
         assert before - after == pytest.approx(decrease, rel=1e-7)
         before, (x, y) = after, setting.movable.triangulation.position.T
         legs.append(np.flatnonzero(((x == 0.0) & (y < 0.0)) | ((y == 0.0) & (x > 0.0))))
@@ -108,14 +83,16 @@ def test_edges_with_values_given_linearly_are_split_where_that_gains(order):
 def test_what_splits_offer_is_about_what_is_left(order):
     mesh, given = l_shape(6), loaded(order)
     mesh = ka.adapt(mesh, given, passes=2).mesh
-    offered = recycle_by_energy(*taken(Setting(mesh, given))).offered
-    assert 0.5 <= offered / (0.5 * given.error(mesh, given.solve(mesh)) ** 2) <= 4.0
+    at = started(mesh, given)
+    at.recycle()
+    assert 0.5 <= at.offered / (0.5 * given.error(mesh, given.solve(mesh)) ** 2) <= 4.0
 
 
 @pytest.mark.parametrize("order", [2, 3])
 def test_what_was_in_memory_before_has_no_say(order):
     """A collapse costs the same, whatever other nodes, or nobody, have left in the room of a thread."""
-    movable, functional, trial, recycled = taken(Setting(perturbed(l_shape(3), 1), loaded(order)))
+    at = started(perturbed(l_shape(3), 1), loaded(order))
+    movable, functional, trial, recycled = at.movable, at.functional, at.trial, at.recycled
     mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
     offers = offers_of(movable, functional, trial.fixed, mesh)
     loops = functional.loops(movable, with_spare_rows(trial, len(mesh.position), len(mesh.elements.node)), mesh)
@@ -128,11 +105,6 @@ def test_what_was_in_memory_before_has_no_say(order):
             array[:] = np.nan if array.dtype == np.float64 else -5
         weigh(mesh, room, WITH, offers, most, movable.floor, v, v + 1, False)
     np.testing.assert_array_equal(offers.cost, costs)
-
-
-def taken(setting):
-    """What recycling starts from."""
-    return setting.movable, setting.functional, setting.trial, unchanged(setting.movable.triangulation)
 
 
 @each_order

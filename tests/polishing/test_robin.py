@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.descents import descend
 from helpers.devices import shielded
 from helpers.meshes import disk as hexagonal_disk
 from helpers.scalar_problems import Cooled, slab
@@ -12,31 +11,11 @@ from helpers.tensor_meshes import disk
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import Rules
-from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import with_midside_offsets
-from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
 
-NEAR = 1e-9
 each_order = pytest.mark.parametrize("order", (1, 2, 3))
-
-
-class Setting:
-    """A mesh, its solution, and the functional that the polish lowers."""
-
-    def __init__(self, mesh, problem, topology="recycle"):
-        self.problem, self.movable = problem, MovableMesh.of(mesh, Rules(topology).guarded())
-        self.functional = Functional.of(problem.ritz(mesh, problem.solve(mesh)), self.movable, mesh)
-        self.trial = self.functional.solution.copy()
-
-    def value(self):
-        return self.functional.value(self.movable.triangulation, self.trial)
-
-    def solved(self):
-        mesh = self.movable.mesh()
-        return functional_value(mesh, self.problem.ritz(mesh, self.problem.solve(mesh)))
 
 
 @each_order
@@ -47,21 +26,6 @@ def test_the_functional_is_that_of_scikit_fem(order):
     assert functional_value(mesh, problem.ritz(mesh, values)) == pytest.approx(
         0.5 * values @ (matrix @ values) - load @ values, rel=1e-12
     )
-
-
-@each_order
-def test_values_on_the_boundary_settle_where_those_of_the_solution_are(order):
-    setting = Setting(slab(), Cooled(order), "fixed")
-    exact, rng = setting.value(), np.random.default_rng(0)
-    free = ~setting.trial.fixed
-    setting.trial.values[free] += 0.1 * rng.normal(size=free.sum())
-    moving = setting.movable.constraints.kind
-    moving[:] = 2  # held, so that only values change
-    off = [setting.value() - exact]
-    for _ in range(3):
-        descend(setting.movable, setting.functional, setting.trial, 12)
-        off.append(setting.value() - exact)
-    assert -NEAR < off[3] < off[2] < off[1] < 0.1 * off[0]
 
 
 def cylinder(k):

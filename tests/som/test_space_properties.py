@@ -2,15 +2,21 @@
 
 import numpy as np
 import pytest
+from helpers.descents import descent_of
 from helpers.examples import examples
 from helpers.parted import Load
 from helpers.random_solids import flat_solids, round_solids
 from helpers.solids import volumes
 from hypothesis import given
+from skfem import Basis, ElementTetP2
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.polishing.polish import descend_and_recycle
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 
 def in_metric(mesh, density, options):
@@ -26,8 +32,27 @@ def adapted(mesh, density, options):
     return ka.adapt(mesh, Load(), passes=1, **options).history[-1].mesh
 
 
+def trained(mesh, density, options):
+    rules = {name: options[name] for name in ("min_quality", "pinned")}
+    som = ka.KohonenMap(mesh, topology=options["topology"].replace("recycle", "flip"), **rules)
+    som.train(mesh.p[:, mesh.t].mean(axis=1), weights=density / density.max(), seed=options["seed"])
+    return som.mesh
+
+
+def exchanged(mesh, density, options):
+    """By energy at order 2, of a random function."""
+    rng, basis = np.random.default_rng(options["seed"]), Basis(mesh, ElementTetP2())
+    fixed = np.isin(np.arange(basis.N), basis.get_dofs()) & (rng.random() < 0.5)
+    values = np.where(fixed, 0.0, rng.normal(size=basis.N))
+    solid = MovableSolid.of(mesh, Rules(options["topology"], options["min_quality"], options["pinned"]))
+    plan = (2, 2) if options["topology"] == "recycle" else (2,)
+    ritz = ka.Ritz(values, fixed, 1.0, source=1.0, order=2)
+    assert descend_and_recycle(descent_of(solid, SolidFunctional.of(ritz, solid, mesh)), plan)[1] >= 0.0
+    return solid.mesh()
+
+
 MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
-MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted}
+MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted, "order 2": exchanged, "map": trained}
 
 
 @pytest.mark.parametrize("mover", MOVERS)
@@ -70,7 +95,7 @@ def moved(mover, mesh, density, options):
     given_arrays = mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()
     result = MOVERS[mover](mesh, density, options)
     assert (mesh.p.tobytes(), mesh.t.tobytes(), density.tobytes()) == given_arrays
-    assert result.p.shape == mesh.p.shape
+    assert result.p.shape == mesh.p.shape or mover == "order 2"
     floor = 0.2 if options["min_quality"] == "auto" else options["min_quality"]
     assert ka.quality(result).min() >= min(floor, ka.quality(mesh).min()) * (1 - 1e-9)
     assert Tetrahedralization.of(result).volumes().min() > 0.0

@@ -1,0 +1,264 @@
+"""On tetrahedra: what a step says is what the functional falls by, and stars know their derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers import driven_solids
+from helpers.descents import descent_of
+from helpers.diffusion_solids import Diffusion, Rising
+from helpers.magnet_solids import nested_balls
+from helpers.quadratic_solids import PAIRS, QuadraticDiffusion, slivers
+from helpers.solids import box, cut, halved_cube, l_shape, two_regions
+
+import kohonen_adapt as ka
+from kohonen_adapt import Rules
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.arrays import KernelMesh
+from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, POSITION, Constraints
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
+from kohonen_adapt.kernels.tetrahedron.polish.star import derivatives_order2, number_star, star_of_order_1
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
+from kohonen_adapt.mesh.host import count_unknowns
+from kohonen_adapt.polishing.space.recycling_in_space import nodes_of
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+
+EXACT, TABLE = 1e-11, 1e-8  # of the functional: rounding, and what tables of laws leave out
+LAWS = [(None, Rising(0.3)), (Rising(3.0), Rising())]
+SHIFT = np.array([[1.0, 0.0], [-0.5, 0.3], [0.0, 2.0]])
+FLOOR = 0.2
+
+
+class Varying(Diffusion):
+    """With a source that varies inside regions."""
+
+    def ritz(self, mesh, solution):
+        return replace(super().ritz(mesh, solution), source=lambda x, region: (1.0 + region) * (x[0] * x[1] - 3.0))
+
+
+def slope(x):
+    return x[1] - 2.0 * x[2]
+
+
+def constants(kind=Diffusion, order=1, laws=(), shift=0.0):
+    """A random function with constants of two regions, given linearly on one side where the mesh has that."""
+
+    def ritz(mesh, rng):
+        side = {"side0": slope} if "side0" in (mesh.boundaries or {}) else {}
+        problem = kind(10.0 ** rng.uniform(-1, 1, 2), rng.normal(size=2), rng.normal(size=(3, 2)), side)
+        values, fixed = problem.ends(mesh)
+        bumps = np.exp(-20.0 * np.sum((mesh.p[:, : mesh.nvertices] - rng.random((3, 1)) * mesh.p.max()) ** 2, axis=0))
+        free, rough = ~fixed, 0.02 * rng.normal(size=count_unknowns(mesh, order))
+        values[free] = np.append(bumps, rough[len(bumps) :])[free]
+        return replace(problem.ritz(mesh, values), laws=laws, shift=SHIFT if laws and shift else 0.0)
+
+    return ritz
+
+
+def solved(problem):
+    return lambda mesh, rng: problem.ritz(mesh, problem.solve(mesh))
+
+
+def cube(seed):
+    return halved_cube((4, 3, 3), 0, seed)
+
+
+def bent_balls(seed):
+    problem = MagneticScalarPotential({"ball": Material(5.0), "air": Material()}, {"outer": 0.0}, order=2)
+    return ka.adapt(nested_balls(2), problem, passes=0).mesh
+
+
+CASES = {  # name: mesh, functional, and what this is known to
+    "linear 1": (cube, constants(), EXACT),
+    "laws 1": (cube, constants(laws=LAWS[0], shift=1.0), TABLE),
+    "varying 1": (cube, constants(Varying), 1e-3),
+    "wall 1": (lambda seed: two_regions(3), constants(laws=LAWS[1]), TABLE),
+    "sheet 1": (lambda seed: cut(4), constants(), EXACT),
+    "corner 1": (lambda seed: l_shape(2), constants(), EXACT),
+    "driven 1": (lambda seed: driven_solids.block_mesh(seed, 4), solved(driven_solids.random_problem(0)), TABLE),
+    "linear 2": (cube, constants(QuadraticDiffusion, 2), EXACT),
+    "laws 2": (cube, constants(QuadraticDiffusion, 2, LAWS[0]), TABLE),
+    "shifted laws 2": (cube, constants(QuadraticDiffusion, 2, LAWS[1], 1.0), TABLE),
+    "curved 2": (bent_balls, constants(QuadraticDiffusion, 2), 1e-7),
+    "curved laws 2": (bent_balls, constants(QuadraticDiffusion, 2, LAWS[0], 1.0), 1e-7),
+}
+
+
+class Start:
+    """A function on a mesh, as a descent has it."""
+
+    def __init__(self, mesh, ritz, **rules):
+        self.movable = MovableSolid.of(mesh, Rules("recycle", FLOOR, **rules))
+        self.functional = SolidFunctional.of(ritz, self.movable, mesh)
+        self.descent = descent_of(self.movable, self.functional)
+        self.mesh, self.trial = self.descent.opened.mesh, self.descent.trial
+
+    def value(self):
+        """Without what quadratic faces cut off curved surfaces, which sweeps alone count."""
+        return self.descent.value() - (slivers(self.descent) if self.descent.modes else 0.0)
+
+    def freedom(self):
+        return self.functional.freedom(self.mesh.freedom, self.trial.fixed, self.trial.surface)
+
+    def swap(self):
+        return self.descent.swap(self.descent.opened.parts())
+
+    def recycle(self):
+        return self.descent.recycle()[1]
+
+    def sweep(self):
+        return self.descent.sweep(self.descent.opened.parts(), self.freedom())
+
+    def handed_back(self):
+        """The mesh, and which values are given there."""
+        rows = self.descent.opened.write_back(self.movable)
+        return self.movable.mesh(), self.trial.value[rows], self.trial.fixed[rows]
+
+
+def started(name, seed=0):
+    build, ritz, _ = CASES[name]
+    mesh, rng = build(seed), np.random.default_rng(seed)
+    at = Start(mesh, ritz(mesh, rng))
+    rough = 0.02 * np.ptp(at.trial.value) * rng.normal(size=len(at.trial.value))
+    at.trial.value[:] += np.where(at.trial.fixed, 0.0, rough)
+    return mesh, at
+
+
+def is_continuous(descent):
+    """Every edge has one coefficient and one Dirichlet mask in all of its elements."""
+    node = descent.opened.mesh.elements.node
+    rows = np.flatnonzero(node[:, 0] >= 0)
+    key = np.unique(np.sort(node[rows][:, PAIRS], axis=2).reshape(-1, 2), axis=0, return_inverse=True)[1].ravel()
+    pairs = descent.modes.side[rows, :, 0].ravel(), descent.modes.dirichlet[rows].ravel().astype(float)
+    for values in pairs:
+        low, high = np.full(key.max() + 1, np.inf), np.full(key.max() + 1, -np.inf)
+        np.minimum.at(low, key, values)
+        np.maximum.at(high, key, values)
+        if not np.array_equal(low, high):
+            return False
+    return True
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"), [(name, seed) for name in CASES for seed in range(1 if "curved" in name else 2)]
+)
+def test_every_step_takes_off_what_it_says(name, seed):
+    mesh, at = started(name, seed)
+    near, gains = CASES[name][2], []
+    for step in (at.swap, at.recycle, at.sweep, at.swap, at.recycle, at.sweep):
+        before = at.value()
+        gains.append(step())
+        fall = before - at.value()
+        assert gains[-1] >= 0.0 or step == at.recycle
+        if step != at.sweep or not name.startswith(("driven", "curved")):
+            assert gains[-1] == pytest.approx(fall, rel=1e-6, abs=near * (abs(before) + 1.0))
+        assert name.endswith("1") or is_continuous(at.descent)
+    assert max(gains[::3]) > 0.0 and gains[1] > 0.0 and gains[2] > 0.0
+    found = at.handed_back()[0]
+    assert ka.quality(found).min() >= min(FLOOR, ka.quality(mesh).min()) * (1.0 - 1e-9)
+
+
+def told(at, v):
+    """The gradient of the functional by place, value and edges of a node, and its second derivatives."""
+    quadratic = at.descent.function()[1]
+    if quadratic is None:
+        place = tuple(at.mesh.position[v]), 0.0, POSITION, False
+        _, slope, by_value, second, mixed, twice = interpreted(star_of_order_1)(at.arrays, at.trial, v, *place)
+        rest, mixed, stiffness = [by_value], np.array([mixed]), np.array([[twice]])
+    else:
+        assert interpreted(number_star)(at.arrays, quadratic, v)
+        _, _, slope, second = interpreted(derivatives_order2)(at.arrays, quadratic, v, POSITION)
+        block, n = quadratic.block, quadratic.block.unknowns[0]
+        rest, mixed, lower = block.rest[:n].copy(), block.mixed[:n].copy(), np.tril(block.stiffness[:n, :n])
+        stiffness, at.ends = lower + np.tril(lower, -1).T, block.end[1:n, 0].copy()
+    square = np.array(second)[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+    return np.append(slope, rest), np.block([[square, mixed.T], [mixed, stiffness]])
+
+
+def change(at, v, step):
+    """Move a node, and change its value and those of its edges."""
+    at.mesh.position[v] += step[:3]
+    at.trial.value[v] += step[3]
+    pairs = np.sort(at.mesh.elements.node[:, PAIRS], axis=2)
+    for end, more in zip(at.ends, step[4:], strict=True):
+        at.descent.modes.side[np.all(pairs == np.sort([v, end]), axis=2), 0] += more
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("varying 1", "wall 1", "corner 1")])
+def test_derivatives_are_those_of_the_functional(name):
+    _, at = started(name)
+    number, laws = at.freedom().number, "laws" in name or CASES[name][2] == TABLE
+    at.arrays = KernelMesh(
+        at.mesh.position,
+        at.mesh.elements,
+        at.descent.opened.star(),
+        Constraints(at.freedom(), at.mesh.surfaces, number == INSIDE),
+    )
+    curved, at.ends = at.descent.curves.at_nodes(len(number)), ()
+    free = np.flatnonzero((number == INSIDE) & (at.mesh.pool.anchor >= 0) & ~curved)
+    for v in free[[0, len(free) // 2]]:
+        gradient, hessian = told(at, v)
+        ways = np.vstack([np.eye(4, len(gradient)), np.random.default_rng(v).normal(size=(3, len(gradient)))])
+        size = np.abs(at.mesh.position[at.mesh.elements.node[:, 0]]).max() * 1e-5
+        for way in ways / np.linalg.norm(ways, axis=1)[:, None]:
+            values, slopes = [], []
+            for step in (size, -2.0 * size):
+                change(at, v, step * way)
+                values.append(at.value())
+                slopes.append(told(at, v)[0])
+            change(at, v, size * way)
+            by = (values[0] - values[1]) / (2.0 * size)
+            assert way @ gradient == pytest.approx(by, abs=1e-5 * np.abs(gradient).max())
+            second = (slopes[0] - slopes[1]) / (2.0 * size)
+            assert hessian @ way == pytest.approx(second, abs=(2e-3 if laws else 1e-5) * np.abs(hessian).max())
+
+
+def at_corner(mesh, width, place):
+    return np.exp(-width * ((mesh.p - place) ** 2).sum(axis=0))
+
+
+def test_recycling_goes_on_where_rows_of_nodes_are_used_again():
+    """A bump in a corner of a fine mesh: a fifth of the nodes goes there, and what is told is what happens."""
+    mesh = box(7)
+    at = Start(mesh, ka.Ritz(at_corner(mesh, 60.0, 0.8), mesh.p[0] == 0.0, 1.0))
+    before = at.value()
+    pairs, told = np.sum([at.descent.recycle() for _ in range(3)], axis=0)
+    assert pairs > 0.2 * mesh.nvertices
+    assert before - at.value() == pytest.approx(told, rel=1e-10)
+    found, values, _ = at.handed_back()
+    assert found.nvertices == mesh.nvertices == len(values) and found.is_valid()
+
+
+@pytest.mark.parametrize("curved", [False, True], ids=["linear", "not linear"])
+def test_given_values_stay_what_they_are(curved):
+    """Where they are linear along a face of the cube nodes may leave it; where they are not, all of it stays."""
+    mesh = box(5)
+    left = mesh.p[0] == 0.0
+    given = 2.0 * mesh.p[1] - mesh.p[2] + curved * mesh.p[1] ** 2
+    at = Start(mesh, ka.Ritz(given + np.where(left, 0.0, at_corner(mesh, 60.0, 0.75)), left, 1.0))
+    for _ in range(3):
+        at.swap()
+        at.recycle()
+    found, values, fixed = at.handed_back()
+    assert np.array_equal(fixed, found.p[0] == 0.0)
+    y, z = found.p[1:, fixed]
+    assert values[fixed] == pytest.approx(2.0 * y - z + curved * y**2, abs=1e-14)
+    faces = [
+        {tuple(sorted(map(tuple, m.p[1:, f].T.tolist()))) for f in m.facets.T if np.all(m.p[0, f] == 0.0)}
+        for m in (mesh, found)
+    ]
+    assert (faces[0] == faces[1]) == curved
+
+
+def test_nothing_is_split_between_nodes_given_inside():
+    """Who knows what values are given between them."""
+    mesh = box(5)
+    line = (mesh.p[0] == 0.4) & (mesh.p[1] == 0.4)
+    at = Start(mesh, ka.Ritz(np.random.default_rng(0).normal(size=mesh.nvertices), line, 1.0, 1.0))
+    gain, node = at.descent.weigh(nodes_of(at.mesh)).offers.gain, at.mesh.elements.node
+    e, k = np.nonzero(gain)
+    ends = node[e[:, None], EDGES[k, :2]]
+    assert len(e) and not np.any(at.trial.fixed[ends].all(axis=1))
+    at.recycle()
+    assert at.handed_back()[2].sum() == line.sum()
