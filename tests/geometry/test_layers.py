@@ -331,15 +331,6 @@ def test_the_map_keeps_layers_without_the_quality_rule():
 
 
 BAD = {
-    "no mapping": ("gap", "layers must map names of subdomains to numbers of layers; got str."),
-    "unknown": (
-        {"air gap": 2},
-        "layers has 'air gap', which is no subdomain of the mesh; its subdomains are: 'gap', 'high', 'low'. "
-        "Did you mean 'gap'?",
-    ),
-    "none": ({"gap": 0}, "layers of subdomain 'gap' must be an integer >= 1; got 0."),
-    "half": ({"gap": 1.5}, "layers of subdomain 'gap' must be an integer >= 1; got 1.5."),
-    "true": ({"gap": True}, "layers of subdomain 'gap' must be an integer >= 1; got True."),
     "far too many": (
         {"gap": 10**30},
         f"subdomain 'gap' has 1 layer of elements between its sides near (0, 0.3); layers asks for {10**30}: "

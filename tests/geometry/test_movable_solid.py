@@ -8,7 +8,6 @@ from helpers.boxes import check as check_arrays
 from helpers.solids import (
     boundary_facts,
     box,
-    collapse_edge,
     cut,
     element_facts,
     l_shape,
@@ -19,7 +18,6 @@ from helpers.solids import (
     volumes,
 )
 from skfem import MeshTet, MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
@@ -219,112 +217,6 @@ def test_other_numbers_lose_no_name(build, seed):
     if mesh.boundaries:
         assert boundary_facts(again) == boundary_facts(mesh)
     assert element_facts(again) == element_facts(mesh)
-
-
-def refined_by_hand(solid, rng, splits=30):
-    """Split random edges, inside and on patches, and put the names to the test in between by other numbers."""
-    for step in range(splits):
-        node = solid.tetrahedralization.elements.node
-        row = rng.choice(np.flatnonzero(node[:, 0] >= 0))
-        split_edge(solid, *rng.choice(node[row], 2, replace=False).tolist())
-        if step % 10 == 0:
-            scramble(solid, step)
-
-
-def outward(mesh, rows):
-    """Areas times normals of facets away from the element on their side, (k, 3)."""
-    a, b, c = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(1, 2, 0)
-    normal = 0.5 * np.cross(b - a, c - a)
-    inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1).T
-    return normal * np.sign(np.einsum("ij,ij->i", normal, a - inside))[:, None]
-
-
-@pytest.mark.parametrize("build", [two_regions, cut], ids=["two regions", "sheet"])
-def test_names_and_sides_survive_elements_that_come_and_go(build):
-    """Of scikit-fem's own refinement they do not (the test below)."""
-    mesh, rng = build(), np.random.default_rng(1)
-    solid = MovableSolid.of(mesh, Rules())
-    first = solid.nnodes
-    refined_by_hand(solid, rng)
-    assert len(solid.mesh().t.T) > len(mesh.t.T)
-    for check in (lambda: None, lambda: take_away(solid, first)):
-        check()
-        again = solid.mesh()
-        assert again.is_valid() and np.all(volumes(again) > 0.0)
-        np.testing.assert_allclose(volumes(again).sum(), 1.0, rtol=1e-12)
-        for name, rows in (mesh.subdomains or {}).items():
-            now, then = np.abs(volumes(again)), np.abs(volumes(mesh))
-            np.testing.assert_allclose(now[again.subdomains[name]].sum(), then[rows].sum(), rtol=1e-12)
-        for name, rows in mesh.boundaries.items():
-            assert_same_set(again, again.boundaries[name], mesh, rows)
-    assert boundary_facts(again).keys() == boundary_facts(mesh).keys()
-
-
-def take_away(solid, first):
-    """Collapse every node that was put in, from the last on, into a neighbour that makes no element worse than flat."""
-    place = solid.tetrahedralization.position
-    news = [tuple(x) for x in place.tolist()]
-    known = {tuple(x) for x in solid.input_mesh.p.T.tolist()}
-    for x in [x for x in news if x not in known][::-1]:
-        collapse_somewhere(solid, x)
-    assert solid.nnodes < len(news)
-
-
-def collapse_somewhere(solid, x):
-    """Collapse the node at x into a neighbour with which all volumes stay positive and the names what they were."""
-    tet = solid.tetrahedralization
-    (a,) = np.flatnonzero(np.all(tet.position == x, axis=1))
-    around = np.any(tet.elements.node == a, axis=1)
-    for b in np.setdiff1d(tet.elements.node[around], [a]).tolist():
-        tried = solid.copy()
-        collapse_edge(tried, a, b)
-        faces = tried.tetrahedralization.elements
-        if np.all(tried.tetrahedralization.volumes() > 1e-9) and same_area(tried, solid) and len(faces.node):
-            solid.set_arrays(tried.state())
-            return
-
-
-def same_area(one, other):
-    """Whether patches are as large in both."""
-    areas = []
-    for solid in (one, other):
-        tetrahedra, area = solid.tetrahedralization.elements, np.zeros(len(solid.surfaces.shape))
-        for k, corners in enumerate(([1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2])):
-            e = np.flatnonzero(tetrahedra.patch[:, k] >= 0)
-            a, b, c = solid.tetrahedralization.position[tetrahedra.node[e][:, corners]].transpose(1, 0, 2)
-            np.add.at(area, tetrahedra.patch[e, k], np.linalg.norm(np.cross(b - a, c - a), axis=1))
-        areas.append(area)
-    return np.allclose(*areas, rtol=1e-12)
-
-
-def assert_same_set(again, rows, mesh, before):
-    """A boundary is the same set of points, looks the same way, and none of its facets is anywhere else."""
-    middle = again.p[:, again.facets[:, np.asarray(rows)]].mean(axis=1)
-    corners = mesh.p[:, mesh.facets[:, np.asarray(before)]]
-    low, high = corners.min(axis=(1, 2)), corners.max(axis=(1, 2))
-    assert np.all((middle >= low[:, None] - 1e-12) & (middle <= high[:, None] + 1e-12))
-    one, other = (unoriented(m, r) for m, r in ((again, rows), (mesh, before)))
-    np.testing.assert_allclose(one, other, rtol=1e-12)
-    assert isinstance(rows, OrientedBoundary) == isinstance(before, OrientedBoundary)
-    if isinstance(before, OrientedBoundary):
-        ours, theirs = (outward(m, r) for m, r in ((again, rows), (mesh, before)))
-        np.testing.assert_allclose(ours.sum(axis=0), theirs.sum(axis=0), atol=1e-12)
-        assert np.all(ours @ theirs.sum(axis=0) > 0.0)
-
-
-def unoriented(mesh, rows):
-    """The area of facets."""
-    a, b, c = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(1, 2, 0)
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
-
-
-def test_scikit_fem_keeps_stale_numbers_of_facets():
-    """Its adaptive refinement leaves boundaries the numbers that their facets had; should that change, say so."""
-    mesh = MeshTet().refined(1).with_boundaries({"left": lambda x: x[0] == 0.0})
-    refined = mesh.refined(np.arange(4))
-    middle = refined.p[:, refined.facets[:, refined.boundaries["left"]]].mean(axis=1)
-    right = np.flatnonzero(refined.p[:, refined.facets].mean(axis=1)[0] == 0.0)
-    assert np.count_nonzero(middle[0] == 0.0) < len(right)
 
 
 def test_a_copy_and_its_original_leave_each_other_alone():

@@ -4,14 +4,13 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.meshes import centres, comb, holed, inset, junction, l_shape, length_of, named, peak, slit, square
+from helpers.meshes import comb, inset, junction, l_shape, length_of, named, peak, slit, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, SLIDING
-from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER
 
 MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
 SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}
@@ -119,18 +118,6 @@ def outline_lines(mesh):
         yield axis, float(a[axis])
 
 
-@pytest.mark.parametrize(
-    "build", [lambda: inset(8), lambda: l_shape(4), lambda: holed(9), lambda: comb(10), lambda: slit(10)]
-)
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-def test_corners_stay_occupied_to_the_bit(build, topology):
-    mesh = build()
-    corners = sorted(zip(*mesh.p[:, kinds(mesh)[0] == HELD].tolist(), strict=True))
-    for place in list(dict.fromkeys(corners))[:4]:
-        result = ka.relocate(mesh, peak(mesh, *place, width=0.2), schedule=MUCH, topology=topology)
-        assert sorted(zip(*result.p[:, kinds(result)[0] == HELD].tolist(), strict=True)) == corners
-
-
 def cornered():
     """A square of 2 x 2 cells; the corner (0, 0) has two elements, and (1, 0) one."""
     mesh = square(2)
@@ -206,15 +193,6 @@ def test_after_a_jump_the_follower_is_the_corner_and_may_jump_on():
     assert som.mesh.p[:, corner].tolist() == [0.0, 0.0]
 
 
-def test_names_follow_a_jump():
-    mesh = cornered().with_boundaries({"floor": lambda x: x[1] == 0.0, "left": lambda x: x[0] == 0.0})
-    result = trained_once(mesh, (0.2, 0.05))
-    assert len(result.boundaries["floor"]) == 3
-    assert len(result.boundaries["left"]) == 1
-    assert length_of(result, result.boundaries["floor"]) == 1.0
-    assert length_of(result, result.boundaries["left"]) == 1.0
-
-
 def test_corners_of_interfaces_jump_too():
     mesh = inset(8)
     ear = np.bincount(mesh.t[:, mesh.subdomains["core"]].ravel())[node_at(mesh, 0.25, 0.25)] == 1
@@ -242,36 +220,6 @@ def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
             assert len(np.unique(ends[1])) == 1
             assert len(result.boundaries[name]) == on_side(result, 1, ends[1, 0, 0]) - 1
             assert length_of(result, result.boundaries[name]) == pytest.approx(1.0, rel=1e-14)
-
-
-def union_of(mesh, rows):
-    """Maximal straight pieces of some facets along an axis, as rounded end points."""
-    pieces = {}
-    for a, b in mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(2, 1, 0):
-        axis = 0 if a[0] == b[0] else 1
-        pieces.setdefault((axis, float(a[axis])), []).append(tuple(sorted((a[1 - axis], b[1 - axis]))))
-    merged = []
-    for line, spans in sorted(pieces.items()):
-        for low, high in sorted(spans):
-            if merged and merged[-1][0] == line and merged[-1][2] == low:
-                merged[-1] = (line, merged[-1][1], high)
-            else:
-                merged.append((line, low, high))
-    return merged
-
-
-def test_an_inner_named_line_divides_no_region_but_is_never_crossed():
-    mesh = square(8).with_boundaries({"line": lambda x: np.abs(x[1] - 0.5) < 1e-9})
-    mesh = square(8).with_boundaries({"line": mesh.facets_satisfying(lambda x: np.abs(x[1] - 0.5) < 1e-9)})
-    assert np.unique(Triangulation.of(mesh).elements.region).tolist() == [0]
-    result = ka.relocate(mesh, peak(mesh, 0.3, 0.5))
-    assert union_of(result, result.boundaries["line"]) == [((1, 0.5), 0.0, 1.0)]
-    below = centres(mesh)[1] < 0.5
-    assert np.array_equal(centres(result)[1] < 0.5, below)
-
-
-def test_kinds_have_names():
-    assert (FREE, SLIDING, HELD) == (0, 1, 2)
 
 
 def test_where_three_chains_meet_a_neuron_may_leave_the_corner():

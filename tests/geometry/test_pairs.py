@@ -68,11 +68,6 @@ def test_rotated_sides_stay_matched(angle, topology):
         assert mismatch(mesh, "first", "last", lambda p: turn @ (p - centre) + centre) < 1e-14
 
 
-def test_which_way_round_a_pair_is_named_does_not_matter_for_the_match():
-    mesh = ka.relocate(cell(12), peak_at(1.0, 0.3), periodic=[("right", "left")])
-    assert mismatch(mesh, "left", "right", lambda x: x + [[1.0], [0.0]]) < 1e-15
-
-
 def test_a_point_beside_one_side_reaches_what_lies_beside_the_other():
     mesh = square(8).with_boundaries(SIDES)
     x, near = np.array([[0.02], [0.47]]), np.flatnonzero((mesh.p[0] == 0.875) & (mesh.p[1] == 0.5))
@@ -155,21 +150,6 @@ def test_a_loop_keeps_them_matched_and_lowers_the_estimate(topology):
     result = ka.adapt(mesh, Cell(), passes=3, periodic=[("left", "right")], topology=topology)
     assert mismatch(result.mesh, "left", "right", lambda x: x + [[1.0], [0.0]]) < 1e-14
     assert result.estimate < 0.9 * result.history[0].estimate
-
-
-@pytest.mark.parametrize(
-    ("periodic", "message"),
-    [
-        ("lr", r"periodic must hold pairs of names of boundaries, as \[\('left', 'right'\)\]; got 'lr'\."),
-        ([("left",)], r"periodic must hold pairs of names"),
-        ([("left", "east")], r"periodic has 'east', which is no boundary of the mesh; its boundaries are: 'bottom',"),
-        ([("left", "right"), ("left", "top")], r"boundary 'left' is in periodic twice; it can have one partner only\."),
-        ([("left", "left")], r"boundary 'left' is in periodic twice"),
-    ],
-)
-def test_bad_pairs_are_refused(periodic, message):
-    with pytest.raises(ValueError, match=message):
-        ka.relocate(cell(4), np.ones(32), periodic=periodic)
 
 
 def test_sides_that_do_not_match_are_refused():

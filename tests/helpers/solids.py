@@ -142,25 +142,6 @@ def split_edge(solid, a, b):
     set_elements(solid, own, node, np.concatenate([tetrahedra.region, tetrahedra.region[at]]), patch)
 
 
-def collapse_edge(solid, a, b):
-    """Take node a away, whose elements then end in b, in place."""
-    state, tetrahedra = solid.state(), solid.tetrahedralization.elements
-    kept = np.arange(len(state["position"])) != a
-    number = np.cumsum(kept) - 1
-    gone = np.any(tetrahedra.node == a, axis=1) & np.any(tetrahedra.node == b, axis=1)
-    patch = tetrahedra.patch.copy()
-    for e in np.flatnonzero(gone).tolist():  # the faces with a and with b become one
-        i, j = (int(np.argmax(tetrahedra.node[e] == v)) for v in (a, b))
-        for lost, stays in ((i, j), (j, i)):
-            other = tetrahedra.neighbour[e, stays]
-            if other >= 0 and tetrahedra.patch[e, lost] >= 0:
-                patch[other, np.argmax(tetrahedra.neighbour[other] == e)] = tetrahedra.patch[e, lost]
-    node = np.where(tetrahedra.node == a, b, tetrahedra.node)
-    node = np.where(node >= 0, number[node], -1).astype(np.int32)[~gone]
-    own = {name: state[name][kept] for name in BY_NODE}
-    set_elements(solid, own, node, tetrahedra.region[~gone], patch[~gone])
-
-
 def extruded(flat, layers=2, height=1.0):
     """A plane mesh drawn along z, each prism in three tetrahedra."""
     n, corners = flat.p.shape[1], np.sort(flat.t, axis=0)

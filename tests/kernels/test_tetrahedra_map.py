@@ -14,15 +14,12 @@ from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.search import squared_distance_to_side
 from kohonen_adapt.kernels.tetrahedron.arrays import (
-    CYLINDER,
     HELD,
     INSIDE,
     ON_PATCH,
     ON_RIDGE,
-    SPHERE,
     Constraints,
     Star,
-    Surfaces,
 )
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.guard import mark_valid
@@ -230,40 +227,3 @@ def test_pinned_corners_are_not_left():
     points = np.repeat(np.eye(3)[:1] * 0.15, 20, axis=0)
     made.learn(points, np.zeros(20), 0.9)
     assert freedom.number[0] == HELD and not made.position[0].any()
-
-
-@pytest.mark.parametrize("shape", ["sphere", "cylinder"])
-def test_nodes_slide_on_curved_patches_and_facets_do_not_go_far_around_them(shape):
-    mesh = MeshTet.init_ball(3)
-    surface = np.unique(mesh.facets[:, mesh.boundary_facets()])
-    made = Map(mesh, floor=0.05)
-    if shape == "cylinder":  # squeezed outward, so that its wall is round; its ends stay
-        made.position[:, :2] *= (np.maximum(0.2, 1 - made.position[:, 2] ** 2) ** -0.5)[:, None]
-    freedom, axis = made.solid.freedom, np.array([[0.0, 0.0, 1.0]])
-    kind = SPHERE if shape == "sphere" else CYLINDER
-    size = 1.0 if shape == "sphere" else np.linalg.norm(made.position[:, :2], axis=1).max()
-    across = np.linalg.norm(made.position[surface, : 3 if shape == "sphere" else 2], axis=1)
-    freedom.number[:], freedom.place[:] = INSIDE, -1
-    freedom.number[surface] = np.where(np.abs(across - size) < 1e-9, ON_PATCH, HELD)
-    freedom.pinned[:] = freedom.number == HELD
-    freedom.place[freedom.number == ON_PATCH] = 0
-    round_ = np.all((freedom.number == ON_PATCH)[made.elements.node] | np.eye(4, dtype=bool)[:, None], axis=2).T
-    made.elements.patch[:] = np.where((made.elements.neighbour < 0) & round_, 0, -1)
-    none = np.zeros((0, 4), dtype=np.int32), np.zeros(0, dtype=np.int8), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
-    surfaces = Surfaces(np.array([kind], dtype=np.int8), np.zeros((1, 3)), axis, np.array([size]), *none)
-    made.neurons = made.neurons._replace(constraints=made.neurons.constraints._replace(surfaces=surfaces))
-    before, points = made.position.copy(), made.points(400, 2)[0]
-    made.learn(points, np.zeros(400), 0.2, (1.0, 0.5))
-    sliding = np.flatnonzero(freedom.number == ON_PATCH)
-    assert np.mean(np.any(before[sliding] != made.position[sliding], axis=1)) > 0.5
-    dims = 3 if shape == "sphere" else 2
-    assert np.abs(np.linalg.norm(made.position[sliding, :dims], axis=1) - size).max() < 1e-14
-    assert quality(made.position, made.elements.node).min() > 0
-
-    def turns(position):
-        e, k = np.nonzero(made.elements.patch >= 0)
-        v = made.elements.node[e[:, None], (k[:, None] + np.arange(1, 4)) % 4]
-        normal = position[v][..., :dims] / np.linalg.norm(position[v][..., :dims], axis=-1, keepdims=True)
-        return np.arccos(np.clip(np.sum(normal * np.roll(normal, 1, axis=1), axis=-1), -1, 1)).max()
-
-    assert turns(made.position) <= max(np.radians(30) + 1e-9, turns(before) + 1e-9)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import holed, square
+from helpers.meshes import square
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -95,15 +95,6 @@ def test_norms():
         ka.density_from_indicators(MESH, ONES, norm="H1")
 
 
-@pytest.mark.parametrize("topology", ["Recycle", "Flip", "", None, 3])
-def test_topologies(topology):
-    with pytest.raises(ValueError, match=rf"^topology must be 'fixed' or 'flip'; got {topology!r}\.$"):
-        KohonenMap(MESH, topology=topology)
-    for call in (lambda: ka.relocate(MESH, ONES, topology=topology), lambda: Schedule.default(9, topology=topology)):
-        with pytest.raises(ValueError, match=rf"^topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}\.$"):
-            call()
-
-
 def test_relocation_and_polish_work_under_the_guard_only():
     message = r"^min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$"
     for call in (lambda: ka.relocate(MESH, ONES, min_quality=None), lambda: ka.polish(MESH, Given(), min_quality=None)):
@@ -180,13 +171,6 @@ def test_training_points(points, message):
     with pytest.raises(ValueError, match=f"^{message}"):
         som.train(points, FIRST)
     np.testing.assert_array_equal(som.mesh.p, MESH.p)
-
-
-def test_training_points_in_a_hole():
-    with pytest.raises(
-        ValueError, match=r"^training points must lie in the mesh; 1 do not, point 0 at \(0\.5, 0\.5\)\."
-    ):
-        KohonenMap(holed(3)).train(np.array([[0.5], [0.5]]), FIRST)
 
 
 @pytest.mark.parametrize(

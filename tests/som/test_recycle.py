@@ -20,7 +20,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import SLIDING
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
@@ -81,15 +81,6 @@ def test_neighbours_in_the_plane_are_so_in_memory():
     assert np.median(beyond[tri.elements.neighbour >= 0]) < 0.01 * len(away)
 
 
-def test_what_it_hands_back_unchecked_is_a_valid_mesh(mesh):
-    movable, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
-    check_mesh(movable.mesh())
-    movable.restore(movable.state())  # which refuses numbers of what is not there
-    again = Triangulation.of(movable.mesh())
-    neighbours = (np.sort(each.elements.neighbour) for each in (movable.triangulation, again))
-    np.testing.assert_array_equal(*neighbours)
-
-
 def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
     """Neighbours, stars, regions, chains and what nodes may do, as if found anew."""
     movable, _ = recycled(mesh, peak(mesh, 0.4, 0.9))
@@ -115,15 +106,6 @@ def edges_on_chains(triangulation):
     return {frozenset(pair) for pair in zip(node[e, (k + 1) % 3].tolist(), node[e, (k + 2) % 3].tolist(), strict=True)}
 
 
-def test_corners_stay(mesh):
-    after, _ = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
-    assert corners_of(after) == corners_of(MovableMesh.of(mesh, Rules()))
-
-
-def corners_of(movable):
-    return {tuple(x) for x in movable.triangulation.position[movable.constraints.kind == HELD]}
-
-
 def test_outlines_gain_and_lose_nodes():
     mesh = square(16)
     result = ka.relocate(mesh, peak(mesh, 0.5, 0.5), topology="recycle")
@@ -142,20 +124,6 @@ def test_a_thin_gap_does_not_stop_the_exchange():
     density = np.where(centres(mesh)[0] < 0.5, 1.0, 50.0)
     right = lambda each: np.count_nonzero(each.p[0] > 0.5)  # noqa: E731
     assert right(ka.relocate(mesh, density, topology="recycle")) > 1.3 * right(ka.relocate(mesh, density))
-
-
-def points(p):
-    return set(map(tuple, p.T.tolist()))
-
-
-def test_pinned_nodes_stay_and_edges_between_them_too():
-    mesh = named(12)
-    pinned = np.unique(mesh.facets[:, mesh.boundaries["floor"]])
-    density = peak(mesh, 0.5, 0.0, contrast=1e5)
-    result = ka.relocate(mesh, density, topology="recycle", pinned="floor")
-    assert points(mesh.p[:, pinned]) <= points(result.p)
-    assert np.count_nonzero(result.p[1] == 0.0) == len(pinned)
-    assert np.count_nonzero(ka.relocate(mesh, density, topology="recycle").p[1] == 0.0) > len(pinned)
 
 
 def test_edges_become_alike_in_the_metric():
@@ -218,19 +186,6 @@ def test_every_old_element_has_a_start_in_its_region(mesh):
     for e, start in enumerate(starts_of(before, done)):
         around = now.star.element[now.star.start[start] : now.star.start[start + 1]]
         assert region[e] in now.elements.region[around]
-
-
-def test_a_callable_density():
-    mesh = square(16)
-    result = ka.relocate(mesh, lambda x: 1 / (0.01 + (x[0] - 0.5) ** 2), topology="recycle")
-    assert result.p.shape == mesh.p.shape
-    assert np.count_nonzero(np.abs(result.p[0] - 0.5) < 0.1) > 1.5 * np.count_nonzero(np.abs(mesh.p[0] - 0.5) < 0.1)
-
-
-def test_the_schedule_may_sweep():
-    mesh = inset(12)
-    result = ka.relocate(mesh, peak(mesh, 0.4, 0.6), topology="recycle", schedule=Schedule((), sweeps=4))
-    assert area_of(result, result.subdomains["core"]) == pytest.approx(0.25, rel=1e-13)
 
 
 def test_heaps_that_fill_up_are_filled_anew():

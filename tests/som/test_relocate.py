@@ -1,14 +1,11 @@
 """What holds for every relocated mesh: symmetries, worth, determinism, names and bytes."""
 
-import itertools
 from functools import cache
 
 import numpy as np
 import pytest
-from helpers.alternatives import nearest_node
 from helpers.meshes import (
     area_of,
-    centres,
     comb,
     generic_square,
     holed,
@@ -18,11 +15,13 @@ from helpers.meshes import (
     named,
     peak,
     perturbed,
+    ring,
     slit,
     square,
 )
 from helpers.scalar_problems import Corner
 from helpers.stand_ins import Script
+from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -46,6 +45,7 @@ BUILDS = {
     "inset": lambda: perturbed(inset(8), 2),
     "junction": lambda: junction(8),
     "named": lambda: named(8),
+    "arcs": lambda: ring(24, 4),
 }
 SHORT = Schedule((Stage(2, 1, 0.3), Stage(1, 1, 0.3)), sweeps=2)
 
@@ -63,21 +63,7 @@ def worth(mesh, density, old_mesh, seed=0):
 
 
 def mean_distance(mesh, points):
-    return np.mean([nearest_node(mesh.p.T, x)[1] for x in points])
-
-
-def test_what_has_no_names_gets_none():
-    result = ka.relocate(square(4), np.ones(32))
-    assert result.subdomains is None
-    assert result.boundaries is None
-
-
-def test_names_without_members_are_kept():
-    mesh = square(4).with_subdomains({"nothing": np.array([], dtype=int)})
-    mesh = mesh.with_boundaries({"nowhere": np.array([], dtype=int)})
-    result = ka.relocate(mesh, np.ones(32))
-    assert len(result.subdomains["nothing"]) == 0
-    assert len(result.boundaries["nowhere"]) == 0
+    return cKDTree(mesh.p.T).query(points)[0].mean()
 
 
 def test_what_scikit_fem_brings_from_gmsh_is_no_region():
@@ -105,40 +91,11 @@ def test_no_epochs_and_no_sweeps_move_no_node(kind):
         assert ka.relocate(mesh, pull(mesh), topology="flip", schedule=schedule).p.tobytes() == mesh.p.tobytes()
 
 
-def test_the_result_shares_nothing_with_the_input():
-    mesh = named(8)
-    before = [mesh.p.tobytes(), mesh.t.tobytes(), *(np.asarray(v).tobytes() for v in mesh.boundaries.values())]
-    density = pull(mesh)
-    copied = density.copy()
-    for topology, schedule in itertools.product(("fixed", "flip"), (None, Schedule(()))):
-        result = ka.relocate(mesh, density, topology=topology, schedule=schedule)
-        for name, rows in result.subdomains.items():
-            assert not np.shares_memory(rows, mesh.subdomains[name])
-        for name, rows in result.boundaries.items():
-            assert not np.shares_memory(np.asarray(rows), np.asarray(mesh.boundaries[name]))
-        assert not np.shares_memory(result.p, mesh.p)
-        assert not np.shares_memory(result.t, mesh.t)
-        result.p[:], result.t[:] = 0, 0
-    after = [mesh.p.tobytes(), mesh.t.tobytes(), *(np.asarray(v).tobytes() for v in mesh.boundaries.values())]
-    assert after == before
-    np.testing.assert_array_equal(density, copied)
-
-
 def test_arrays_that_may_not_be_written_are_read():
     mesh, density = square(4), np.linspace(1, 2, 32)
     for array in (mesh.p, mesh.t, density):
         array.flags.writeable = False
     assert np.any(ka.relocate(mesh, density).p != mesh.p)
-
-
-@TOPOLOGIES
-def test_a_seed_gives_the_same_bits_and_another_seed_another_mesh(topology):
-    mesh = named(8)
-    first, again, other = (ka.relocate(mesh, pull(mesh), topology=topology, seed=seed) for seed in (3, 3, 4))
-    assert first.p.tobytes() == again.p.tobytes()
-    assert first.t.tobytes() == again.t.tobytes()
-    assert all(np.array_equal(first.boundaries[name], again.boundaries[name]) for name in mesh.boundaries)
-    assert np.any(first.p != other.p)
 
 
 def test_the_global_random_state_has_no_say():
@@ -152,8 +109,8 @@ def test_the_global_random_state_has_no_say():
 
 
 @TOPOLOGIES
-@pytest.mark.parametrize("kind", ["delaunay", "l", "named"])
-@pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3), (-10.7, 4.1)])
+@pytest.mark.parametrize("kind", ["delaunay", "named", "arcs"])
+@pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3)])
 def test_a_mesh_translated_gives_the_translated_mesh(way, kind, topology):
     mesh = BUILDS[kind]()
     plain = ka.relocate(mesh, pull(mesh), topology=topology)
@@ -190,7 +147,7 @@ def test_a_mesh_turned_mirrored_or_renumbered_gives_one_of_the_same_worth(change
 def typical_worth(kind, topology, change=lambda mesh, density, seed: (mesh, density)):
     """The median over seeds, of a mesh as it is or changed."""
     mesh, found = BUILDS[kind](), []
-    for seed in range(5):
+    for seed in range(3):
         own, density = change(mesh, pull(mesh), seed)
         found.append(worth(ka.relocate(own, density, topology=topology, seed=seed), density, own))
     return np.median(found, axis=0)
@@ -213,21 +170,6 @@ def test_nodes_go_where_the_density_is(topology):
     result = ka.relocate(mesh, density, topology=topology)
     points = density_of(Triangulation.of(mesh), density).draw(3000, np.random.default_rng(0)).points
     assert mean_distance(result, points) < 0.85 * mean_distance(mesh, points)
-
-
-def test_a_callable_is_as_good_as_its_values():
-    mesh = square(12)
-    function = lambda x: 1 + 30 * np.exp(-((x[0] - 0.3) ** 2 + (x[1] - 0.4) ** 2) / 0.09)  # noqa: E731
-    density = function(centres(mesh))
-    by_call = np.median([worth(ka.relocate(mesh, function, seed=s), density, mesh) for s in range(3)], axis=0)
-    by_array = np.median([worth(ka.relocate(mesh, density, seed=s), density, mesh) for s in range(3)], axis=0)
-    np.testing.assert_allclose(by_call, by_array, rtol=0.05)
-
-
-def test_a_density_counts_up_to_a_factor_that_is_a_power_of_two():
-    mesh = perturbed(square(6), 1)
-    for factor in (2.0**-30, 2.0**40):
-        np.testing.assert_allclose(ka.relocate(mesh, factor * pull(mesh)).p, ka.relocate(mesh, pull(mesh)).p, atol=1e-9)
 
 
 @pytest.mark.slow
