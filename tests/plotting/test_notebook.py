@@ -108,8 +108,10 @@ def test_the_tour_runs_and_every_cell_shows_something(monkeypatch):
     notebook = nbformat.read(TOUR, as_version=4)
     client.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(TOUR.parent)}}).execute()
     shown = [cell["outputs"][-1]["data"] for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    mesh, result, meshes, field, lines, relocated, schedule = shown
+    mesh, result, meshes, field, lines, relocated, schedule, layers, torque, machine, gripper, by_metric = shown
     assert mesh["image/svg+xml"] != relocated["image/svg+xml"]
     assert "<table>" in result["text/html"] and "Field of order 2 on" in field["text/plain"]
-    assert "image/png" in meshes and "image/png" in lines
+    assert all("image/png" in each for each in (meshes, lines, layers, machine))
+    assert "unit='N m/m'" in torque["text/plain"] and "Converged" in gripper["text/plain"]
+    assert by_metric["image/svg+xml"] != relocated["image/svg+xml"]
     assert "Stage(radius=2" in schedule["text/plain"]
