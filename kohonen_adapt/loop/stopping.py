@@ -155,8 +155,10 @@ def remarks_on_passes(state: State, settings: Settings, norm: str) -> Iterator[s
     passes, best = state.passes, state.best.record
     yield _choice_remark(passes, best)
     yield _resolution_remark(passes, best)
-    yield _polish_remark(passes, settings, norm)
-    if state.ending and state.ending.status in UNINTERRUPTED:
+    status = state.ending and state.ending.status
+    if len(passes) > 1 or status is not Status.CONVERGED:  # else nothing was polished or compared
+        yield _polish_remark(passes, settings, norm)
+    if status in UNINTERRUPTED:
         yield _shortfall_remark(passes, settings)
 
 

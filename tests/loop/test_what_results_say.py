@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.layer import Layer
 from helpers.stand_ins import MESH, Script, adapt, script_of
 from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, MeshTri, condense, solve
 from skfem.helpers import dot, grad
@@ -203,6 +204,14 @@ def test_a_tolerance_is_not_met_by_an_estimate_that_falls_less_than_the_function
     assert result.status is ka.Status.CONVERGED
     unresolved = [step.estimate < 0.05 * step.energy_norm for step in result.history[1:-1]]
     assert any(unresolved)
+
+
+def test_nothing_is_said_of_a_polish_that_was_not_needed():
+    class Met(Layer):
+        ritz = None
+
+    message = ka.adapt(MeshTri().refined(2), Met(20.0), atol=1e9).message
+    assert message.startswith("Converged after 0 passes") and "polish" not in message.lower()
 
 
 def test_an_estimate_that_nobody_vouches_for_says_nothing_of_resolution():
