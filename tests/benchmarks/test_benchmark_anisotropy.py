@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from benchmarks.problems.helmholtz import square_mesh
 from benchmarks.problems.layers import BoundaryLayer, Layer, closed_layer, wave_front
@@ -16,9 +17,9 @@ def test_gradients_and_laplacians_are_those_of_the_solution(name):
     x = np.random.default_rng(0).uniform(0.05, 0.95, (2, 50))
     steps = STEP * np.eye(2)[:, :, None]
     ahead, behind = (np.stack([parts["exact"](x + sign * step) for step in steps]) for sign in (1, -1))
-    np.testing.assert_allclose(parts["gradient"](x), (ahead - behind) / (2 * STEP), rtol=1e-4, atol=1e-5)
+    assert_allclose(parts["gradient"](x), (ahead - behind) / (2 * STEP), rtol=1e-4, atol=1e-5)
     second = (ahead - 2 * parts["exact"](x) + behind).sum(axis=0) / STEP**2
-    np.testing.assert_allclose(parts["laplacian"](x), second, rtol=1e-4, atol=1e-5)
+    assert_allclose(parts["laplacian"](x), second, rtol=1e-4, atol=1e-5)
 
 
 @pytest.mark.parametrize("problem", [Layer(**FUNCTIONS["closed"]), Layer(**FUNCTIONS["front"]), BoundaryLayer(0.01)])

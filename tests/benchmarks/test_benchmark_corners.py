@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from benchmarks.problems.four_squares import (
@@ -84,7 +85,7 @@ def test_better_values_of_outputs_have_layers_for_the_exponent():
 def test_a_problem_tells_exponents_before_a_solve():
     mesh, problem = squares_mesh(4), in_magnetostatics(Touching(100.0), 2)
     ((node, exponent),) = problem.corner_exponents(mesh).items()
-    np.testing.assert_allclose(mesh.p[:, node], 0.0, atol=1e-12)
+    assert_allclose(mesh.p[:, node], 0.0, atol=1e-12)
     assert exponent == pytest.approx(0.126902, abs=1e-6)
 
 

@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
@@ -92,7 +93,7 @@ def test_force_torque_and_parts_agree_at_high_order(folder):
     case = case_of(CASE | {"order": 4}, folder)
     mesh = fitting_mesh(case)
     ours, theirs = case.problem.solve(mesh), NgsolveField(mesh, case.problem, 4)
-    np.testing.assert_allclose(theirs.force("magnet"), ours.force("magnet"), rtol=0.01)
+    assert_allclose(theirs.force("magnet"), ours.force("magnet"), rtol=0.01)
     assert theirs.torque("magnet", (0.4, 0.4)) == pytest.approx(ours.torque("magnet", (0.4, 0.4)), rel=0.01)
     assert theirs.energy_in("bar") == pytest.approx(StoredEnergy("bar")(ours), rel=1e-6)
 
@@ -129,7 +130,7 @@ def test_curved_sides_agree():
     ours, theirs = problem.solve(disc), NgsolveField(disc, problem, 2)
     near_the_rim = 0.985 * np.array([[np.cos(0.3)], [np.sin(0.3)]])
     assert theirs.energy == pytest.approx(ours.energy, rel=1e-9)
-    np.testing.assert_allclose(theirs.potential_at(near_the_rim), ours.potential_at(near_the_rim), rtol=1e-6)
+    assert_allclose(theirs.potential_at(near_the_rim), ours.potential_at(near_the_rim), rtol=1e-6)
 
 
 def written(folder, name, text):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import area_of, circle, closed, peak, ring, shells, square, with_lines
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
@@ -73,7 +74,7 @@ def sector(n, layers, angle=HUNDRED):
 
 @pytest.mark.parametrize("n", [12, 13, 24, 100, 1000])
 def test_circles_are_recognised(n):
-    np.testing.assert_allclose(circles(ring(n, 1)), [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
+    assert_allclose(circles(ring(n, 1)), [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
     kind = outline_of(ring(n, 1)).constraints.kind
     assert np.all(kind == SLIDING)
 
@@ -83,7 +84,7 @@ def test_circles_are_recognised(n):
 def test_arcs_that_turn_either_way_are_recognised(n, way):
     mesh = sector(n, 2)
     mesh = MeshTri(mesh.p, mesh.t) if way == 1 else MeshTri(mesh.p[:, ::-1], mesh.p.shape[1] - 1 - mesh.t)
-    np.testing.assert_allclose(circles(mesh), [[0, 0, 0.5, 0], [0, 0, 1, 0]], atol=1e-12)
+    assert_allclose(circles(mesh), [[0, 0, 0.5, 0], [0, 0, 1, 0]], atol=1e-12)
     kind = outline_of(mesh).constraints.kind
     assert np.sum(kind == HELD) == 4
 
@@ -94,7 +95,7 @@ def test_fillets_between_straight_sides_end_where_the_sides_begin(fillet, side):
     mesh = shells([0.5 * circle(outer.shape[1], np.arctan2(0, 1)), outer], 2)
     found = [row for row in circles(mesh) if not row[3]]
     expected = [[x, y, 0.4, 0] for x, y in ((-0.6, -0.6), (0.6, -0.6), (-0.6, 0.6), (0.6, 0.6))]
-    np.testing.assert_allclose(sorted(map(list, np.round(found, 12))), sorted(expected), atol=1e-12)
+    assert_allclose(sorted(map(list, np.round(found, 12))), sorted(expected), atol=1e-12)
     kind = outline_of(mesh).constraints.kind
     held = mesh.p[:, kind == HELD]
     breaks = {(s * a, t * b) for a, b in ((1.0, 0.6), (0.6, 1.0)) for s in (-1, 1) for t in (-1, 1)}
@@ -106,14 +107,14 @@ def test_a_stadium_is_two_half_circles_and_two_lines(arc, side):
     outer = stadium(arc, side)
     mesh = shells([0.5 * outer, outer], 2)
     found = circles(mesh)
-    np.testing.assert_allclose(sorted(found[:, 2]), [0.5, 0.5, 1, 1], rtol=1e-12)
+    assert_allclose(sorted(found[:, 2]), [0.5, 0.5, 1, 1], rtol=1e-12)
     assert np.sum(outline_of(mesh).constraints.kind == HELD) == 8
 
 
 @pytest.mark.parametrize("n", [12, 40])
 def test_a_circle_from_a_junction_back_to_it_is_two_arcs(n):
     mesh = with_lines(ring(n, 2), {"cut": np.array([0, n, 2 * n])})
-    np.testing.assert_allclose(circles(mesh), [[0, 0, 0.5, 0]] * 2 + [[0, 0, 1, 0]] * 2, atol=1e-13)
+    assert_allclose(circles(mesh), [[0, 0, 0.5, 0]] * 2 + [[0, 0, 1, 0]] * 2, atol=1e-13)
     kind = outline_of(mesh).constraints.kind
     assert np.sum(kind == HELD) == 4 and kind[0] == kind[2 * n] == HELD
 
@@ -137,9 +138,9 @@ def arkkio(n, oriented):
 @pytest.mark.parametrize("n", [16, 60])
 def test_interfaces_and_named_lines_inside_a_region_are_recognised(n, oriented):
     found = circles(arkkio(n, oriented))
-    np.testing.assert_allclose(sorted(found[:, 2]), [0.3, 0.5, 0.55, 0.6, 1], rtol=1e-12)
+    assert_allclose(sorted(found[:, 2]), [0.3, 0.5, 0.55, 0.6, 1], rtol=1e-12)
     assert np.all(found[:, 3] == 1)
-    np.testing.assert_allclose(found[:, :2], 0, atol=1e-13)
+    assert_allclose(found[:, :2], 0, atol=1e-13)
 
 
 def with_noise(mesh, share, seed=0):
@@ -154,7 +155,7 @@ def test_nodes_within_a_thousandth_of_a_circle_are_taken_for_it_and_put_on_it(n,
     layers = max(2, n // 8)
     mesh = with_noise(ring(n, layers), 6e-4, seed)
     found = circles(mesh)
-    np.testing.assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-3)
+    assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-3)
     result = ka.relocate(mesh, peak(mesh, 0.7, 0.3))
     for (x, y, radius, _), nodes in zip(found, (slice(0, n), slice(n * layers, None)), strict=True):
         assert np.abs(np.hypot(*(result.p[:, nodes] - [[x], [y]])) - radius).max() < 1e-12
@@ -423,6 +424,6 @@ def test_a_given_circle_may_be_coarse(n):
     curves = {"outer": ka.Arc((0.0, 0.0), 1.0)}
     result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5), curves=curves, min_quality=0.1)
     rim = np.unique(result.facets[:, result.boundaries["outer"]])
-    np.testing.assert_allclose(np.hypot(*result.p[:, rim]), 1.0, atol=1e-15)
+    assert_allclose(np.hypot(*result.p[:, rim]), 1.0, atol=1e-15)
     assert np.any(result.p[:, rim] != mesh.p[:, rim])
     assert len(rim) == n

@@ -10,6 +10,7 @@ from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from helpers.meshes import areas_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -162,7 +163,7 @@ def test_areas_outlines_names_orientation_and_quality_are_kept(case):
     for name in mesh.boundaries:
         assert new.length(name) == pytest.approx(old.length(name), rel=1e-12)
         assert off_lines(result, mesh, old.circles, name) < 1e-8
-    np.testing.assert_allclose(new.circles, old.circles, rtol=0, atol=1e-8)
+    assert_allclose(new.circles, old.circles, rtol=0, atol=1e-8)
     assert new.off_chains() < 1e-12 * SIDE
 
 
@@ -183,8 +184,8 @@ def test_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(case, exponent):
     mesh, density, options = case
     plain = ka.relocate(mesh, density, **options)
     scaled = ka.relocate(mesh.scaled(2.0**exponent), density, **options)
-    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**exponent)
-    np.testing.assert_array_equal(scaled.t, plain.t)
+    assert_array_equal(scaled.p, plain.p * 2.0**exponent)
+    assert_array_equal(scaled.t, plain.t)
 
 
 ARRANGEMENTS = {

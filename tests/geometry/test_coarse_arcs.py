@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.meshes import circle, shells
 from helpers.tensor_meshes import sector
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 from test_arcs import circles, outline_of
 
@@ -29,7 +30,7 @@ def eighth(facets, layers=6):
 @pytest.mark.parametrize("facets", [3, 4])
 def test_arcs_of_few_nodes_are_round_where_others_have_their_centre(facets):
     mesh = eighth(facets)
-    np.testing.assert_allclose(circles(mesh), [[0, 0, 1, 0], [0, 0, 2.2, 0], [0, 0, 3, 0]], atol=1e-12)
+    assert_allclose(circles(mesh), [[0, 0, 1, 0], [0, 0, 2.2, 0], [0, 0, 3, 0]], atol=1e-12)
 
 
 @pytest.mark.parametrize("facets", [3, 4])
@@ -53,14 +54,14 @@ def lone_bore(facets):
 def test_the_centre_about_which_sides_are_paired_is_one():
     mesh = lone_bore(4)
     assert len(circles(mesh)) == 0
-    np.testing.assert_allclose(circles(mesh, periodic=[("right", "left")]), [[0, 0, 1, 0]], atol=1e-12)
+    assert_allclose(circles(mesh, periodic=[("right", "left")]), [[0, 0, 1, 0]], atol=1e-12)
 
 
 def test_so_is_that_of_an_arc_that_is_given():
     mesh = eighth(4)
     mesh = MeshTri(mesh.p, mesh.t, mesh.boundaries)
     given = {"outer": ka.Arc((0.0, 0.0), 3.0)}
-    np.testing.assert_allclose(circles(mesh, curves=given), [[0, 0, 1, 0], [0, 0, 3, 0]], atol=1e-12)
+    assert_allclose(circles(mesh, curves=given), [[0, 0, 1, 0], [0, 0, 3, 0]], atol=1e-12)
 
 
 def test_a_chamfer_of_three_facets_is_no_arc():

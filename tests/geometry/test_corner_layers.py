@@ -5,6 +5,7 @@ import pytest
 from helpers.curved_meshes import annulus, curved_annulus, on_circles, with_midsides
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
@@ -29,7 +30,7 @@ def test_areas_names_and_nodes_stay(nodes, layers, factor):
     mesh = named_square()
     finer = ka.refined_at(mesh, sorted(nodes), layers=layers, factor=factor)
     assert finer.is_valid()
-    np.testing.assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p)
+    assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p)
     for name, rows in mesh.subdomains.items():
         assert area(finer)[finer.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
     for name, rows in mesh.boundaries.items():
@@ -41,7 +42,7 @@ def test_sides_shrink_by_the_factor():
     centre = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
     finer = ka.refined_at(mesh, [centre], layers=3, factor=0.2)
     distance = np.unique(np.abs(finer.p[0, np.isclose(finer.p[1], 0.5)] - 0.5).round(12))
-    np.testing.assert_allclose(distance[:4], [0.0, *(0.25 * 0.2**k for k in (3, 2, 1))], atol=1e-12)
+    assert_allclose(distance[:4], [0.0, *(0.25 * 0.2**k for k in (3, 2, 1))], atol=1e-12)
 
 
 def test_new_nodes_lie_on_arcs():
@@ -51,8 +52,8 @@ def test_new_nodes_lie_on_arcs():
     assert exact_area(finer).sum() == pytest.approx(2.0 * np.pi, rel=1e-13)
     rim = finer.boundaries["interface"]
     midsides = finer.p[:, finer.nvertices + rim]
-    np.testing.assert_allclose(np.hypot(*finer.p[:, finer.facets[:, rim]]), 1.0, rtol=1e-14)
-    np.testing.assert_allclose(np.hypot(*midsides), 1.0, rtol=1e-14)
+    assert_allclose(np.hypot(*finer.p[:, finer.facets[:, rim]]), 1.0, rtol=1e-14)
+    assert_allclose(np.hypot(*midsides), 1.0, rtol=1e-14)
 
 
 @pytest.mark.parametrize("count", [8, 9, 12])
@@ -90,7 +91,7 @@ def test_halves_of_curved_sides_stay_pairs():
     finer = ka.refined_at(mesh, rotor[:2], periodic=[("rotor", "bore", ka.Rotation(0.0))])
     one, other = (finer.p[:, np.unique(finer.facets[:, finer.boundaries[name]])] for name in ("rotor", "bore"))
     assert one.shape[1] > 8 + 4
-    np.testing.assert_allclose(*(np.sort(np.arctan2(*each)) for each in (one, other)), rtol=0.0, atol=1e-12)
+    assert_allclose(*(np.sort(np.arctan2(*each)) for each in (one, other)), rtol=0.0, atol=1e-12)
 
 
 def test_oriented_boundaries_keep_their_side():
@@ -109,7 +110,7 @@ def test_both_nodes_of_a_pair_get_layers():
     left = int(np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.25))[0])
     finer = ka.refined_at(mesh, [left], periodic=[("left", "right")])
     heights = [np.unique(finer.p[1, finer.facets[:, finer.boundaries[name]]].round(12)) for name in ("left", "right")]
-    np.testing.assert_array_equal(*heights)
+    assert_array_equal(*heights)
     assert len(heights[0]) == 5 + 4
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.meshes import disk, ring, shells
 from helpers.solids import ball, boundary_facts, box, cut, extruded, named, scramble, split_edge
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import Delaunay
 from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -169,11 +170,11 @@ def test_wherever_nodes_slide_the_same_is_recognised_again():
     again = MovableSolid.of(solid.mesh(), Rules())
     round_ = again.surfaces.shape == CYLINDER
     axis, off = again.surfaces.axis[round_], again.surfaces.origin[round_] - solid.surfaces.origin[round_]
-    np.testing.assert_allclose(axis, solid.surfaces.axis[round_], rtol=0, atol=4e-12)
-    np.testing.assert_allclose(np.cross(off, axis), 0.0, atol=4e-12)
-    np.testing.assert_allclose(again.surfaces.size, solid.surfaces.size, rtol=1e-12)
-    np.testing.assert_array_equal(again.surfaces.shape, solid.surfaces.shape)
-    np.testing.assert_array_equal(again.freedom.number, solid.freedom.number)
+    assert_allclose(axis, solid.surfaces.axis[round_], rtol=0, atol=4e-12)
+    assert_allclose(np.cross(off, axis), 0.0, atol=4e-12)
+    assert_allclose(again.surfaces.size, solid.surfaces.size, rtol=1e-12)
+    assert_array_equal(again.surfaces.shape, solid.surfaces.shape)
+    assert_array_equal(again.freedom.number, solid.freedom.number)
 
 
 @pytest.mark.parametrize("name", ["bar", "ball", "slot", "capsule", "oblique"])
@@ -193,11 +194,11 @@ def test_settling_puts_nodes_on_all_that_they_slide_on(name):
     others = x[~slides].copy()
     solid.project_nodes()
     assert_on_surfaces(solid, 1e-11)
-    np.testing.assert_array_equal(x[~slides], others)
+    assert_array_equal(x[~slides], others)
     assert np.all(solid.tetrahedralization.volumes() > 0.0)
     still = x.copy()
     solid.project_nodes()
-    np.testing.assert_array_equal(x, still)
+    assert_array_equal(x, still)
 
 
 def test_settling_leaves_no_element_worse_than_the_floor_or_than_it_was():
@@ -391,7 +392,7 @@ def test_curved_edges_on_surfaces_that_are_not_recognised_are_kept():
     drawn = MovableSolid.of(egg(), ROUND["egg"][1], True).mesh()
     solid = MovableSolid.of(drawn, Rules(min_quality=0.0))
     assert found(solid).keys() == {"planes", "lines"}
-    np.testing.assert_allclose(solid.mesh().p, drawn.p, atol=1e-12)
+    assert_allclose(solid.mesh().p, drawn.p, atol=1e-12)
     after = ka.relocate(drawn, lambda x: 1.0 + x[0] ** 2, min_quality=0.0)
     assert type(after) is MeshTet2
     assert area(after).sum() == pytest.approx(area(drawn).sum(), rel=1e-3)

@@ -9,6 +9,7 @@ from helpers.solids import box, two_regions
 from helpers.tetrahedra import fichera, lone, middles, turned
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse.linalg import spsolve
 from skfem import MeshTet, MeshTet2
 from skfem.generic_utils import OrientedBoundary
@@ -36,7 +37,7 @@ def check_kept(mesh, finer):
     """The layers fill the mesh: elements, outer faces and named parts have the same measures and sides."""
     check_mesh(finer, curved=True, space=True)
     connected_arrays(finer)  # refuses overlaps
-    np.testing.assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p[:, : mesh.nvertices])
+    assert_array_equal(finer.p[:, : mesh.nvertices], mesh.p[:, : mesh.nvertices])
     assert area(finer).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
     assert sorted(finer.subdomains or {}) == sorted(mesh.subdomains or {})
     assert sorted(finer.boundaries or {}) == sorted(mesh.boundaries or {})
@@ -51,7 +52,7 @@ def check_kept(mesh, finer):
         assert sizes[1] == pytest.approx(sizes[0], rel=1e-12)
         if before is rims[0] or isinstance(before, OrientedBoundary):
             assert isinstance(after, OrientedBoundary) == isinstance(before, OrientedBoundary)
-            np.testing.assert_allclose(*[each.sum(axis=1) for each in ways], atol=1e-12 * sizes[0])
+            assert_allclose(*[each.sum(axis=1) for each in ways], atol=1e-12 * sizes[0])
 
 
 @examples(40)
@@ -64,8 +65,8 @@ def test_volumes_names_and_sides_stay(body, data, layers, factor, seed):
     finer = ka.refined_at(mesh, nodes, edges=rng.permuted(mesh.edges[:, some], axis=0), layers=layers, factor=factor)
     check_kept(mesh, finer)
     assert finer.nelements > mesh.nelements or not nodes.size + some.size
-    np.testing.assert_array_equal(mesh.p, before[0])
-    np.testing.assert_array_equal(mesh.t, before[1])
+    assert_array_equal(mesh.p, before[0])
+    assert_array_equal(mesh.t, before[1])
 
 
 @examples(15)
@@ -76,8 +77,8 @@ def test_elements_may_start_at_any_corner(seed, layers):
     finer = ka.refined_at(mesh, [3], edges=mesh.edges[:, some], layers=layers)
     check_kept(mesh, finer)
     again = ka.refined_at(mesh, [3], edges=mesh.edges[:, some], layers=layers)
-    np.testing.assert_array_equal(finer.p, again.p)
-    np.testing.assert_array_equal(finer.t, again.t)
+    assert_array_equal(finer.p, again.p)
+    assert_array_equal(finer.t, again.t)
 
 
 def bowed(size):
@@ -101,7 +102,7 @@ def test_curved_edges_are_those_of_the_mesh(seed, layers, factor):
     x = shape.points(element, at)
     holder, inside = own.locate(x, np.full(40, -1))
     found = holder >= 0
-    np.testing.assert_allclose(own.points(holder, inside)[:, found], x[:, found], atol=1e-12)
+    assert_allclose(own.points(holder, inside)[:, found], x[:, found], atol=1e-12)
 
 
 def test_layers_that_invert_straight_elements_are_refused():
@@ -117,10 +118,10 @@ def test_layers_that_invert_straight_elements_are_refused():
 def test_distances_shrink_by_the_factor():
     mesh = lone(np.eye(3, 4, 1))
     finer = ka.refined_at(mesh, [0], layers=3, factor=0.2)
-    np.testing.assert_allclose(np.unique(finer.p[0])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
+    assert_allclose(np.unique(finer.p[0])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
     assert finer.nelements == 1 + 3 * 3
     finer = ka.refined_at(mesh, edges=[[0], [1]], layers=3, factor=0.2)
-    np.testing.assert_allclose(np.unique(finer.p[1])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
+    assert_allclose(np.unique(finer.p[1])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
     assert finer.nelements == 3 + 6 * 2 + 3
 
 
@@ -142,7 +143,7 @@ def test_a_closed_rim_on_a_named_boundary():
     nodes = finer.p[:, np.unique(finer.facets[:, finer.boundaries["side"]])]
     height = mesh.p[2].max() - np.sort(np.unique(mesh.p[2]))[-2]
     found = np.unique((1.0 - nodes[2]).round(12))
-    np.testing.assert_allclose(found[:4], [0.0, *(height * 0.2**k for k in (2, 1))] + [height], atol=1e-12)
+    assert_allclose(found[:4], [0.0, *(height * 0.2**k for k in (2, 1))] + [height], atol=1e-12)
 
 
 def test_other_elements_stay_as_they_are():
@@ -151,7 +152,7 @@ def test_other_elements_stay_as_they_are():
     far = np.flatnonzero(~np.any(mesh.t == 0, axis=0))
     assert set(map(tuple, mesh.t[:, far].T.tolist())) <= set(map(tuple, finer.t.T.tolist()))
     assert type(ka.refined_at(MeshTet2.from_mesh(mesh), [0])) is MeshTet
-    np.testing.assert_array_equal(ka.refined_at(mesh).t, mesh.t)
+    assert_array_equal(ka.refined_at(mesh).t, mesh.t)
 
 
 def test_layers_that_coordinates_do_not_resolve_are_left_out():
@@ -161,7 +162,7 @@ def test_layers_that_coordinates_do_not_resolve_are_left_out():
     assert nodes.size == 0
     assert made.nelements == mesh.nelements
     made, nodes = with_layers_at(mesh, np.array([5, 7]), 1, edges=edge)
-    np.testing.assert_array_equal(made.t, ka.refined_at(mesh, [5, 7], edges=edge, layers=1).t)
+    assert_array_equal(made.t, ka.refined_at(mesh, [5, 7], edges=edge, layers=1).t)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from helpers.examples import examples
 from helpers.meshes import disk, square
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
@@ -77,11 +78,11 @@ def test_hostile_arcs_between_thin_triangles_fold_nothing_over(gaps, inner, oute
     off, ring = offsets_of_sides(curved), curved.boundaries["ring"]
     whole = offsets_of_sides(with_midside_offsets(mesh, to_circle(mesh)))[:, ring]
     part = np.sum(off[:, ring] * whole, axis=0) / np.sum(whole**2, axis=0)
-    np.testing.assert_allclose(off[:, ring], part * whole, atol=1e-12)
+    assert_allclose(off[:, ring], part * whole, atol=1e-12)
     held = part < 1.0 - 1e-9
     assert np.all(part > 0.0)
     beside = kept[mesh.f2t[:, ring]].min(axis=0)
-    np.testing.assert_allclose(beside[held], MIN_JACOBIAN, rtol=1e-9)  # no more than needed: one curved side an element
+    assert_allclose(beside[held], MIN_JACOBIAN, rtol=1e-9)  # no more than needed: one curved side an element
 
 
 def area_between(mesh, count):
@@ -139,11 +140,11 @@ def test_middles_are_on_the_curve_and_only_there_off_their_chords():
     mesh = disk(5, 1.0)
     curved = bent(mesh)
     assert type(curved) is MeshTri2
-    np.testing.assert_allclose(on_rim(curved), 1.0, atol=1e-15)
+    assert_allclose(on_rim(curved), 1.0, atol=1e-15)
     off = offsets_of_sides(curved)
     off[:, curved.boundary_facets()] = 0.0
     assert np.abs(off).max() < 1e-15
-    np.testing.assert_array_equal(corners_of(curved).p, mesh.p)
+    assert_array_equal(corners_of(curved).p, mesh.p)
 
 
 def test_where_nothing_is_curved_a_mesh_stays_straight():
@@ -159,7 +160,7 @@ def test_second_order_comes_back_unless_straight_sides_are_asked_for(curved):
     back = MovableMesh.of(mesh, Rules(), curved).mesh()
     assert type(back) is (MeshTri if curved is False else MeshTri2)
     if curved is not False:
-        np.testing.assert_allclose(back.p, mesh.p, atol=1e-12)
+        assert_allclose(back.p, mesh.p, atol=1e-12)
 
 
 def test_a_mesh_that_is_folded_over_comes_back_whole():

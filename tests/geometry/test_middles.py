@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import disk
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
@@ -89,8 +90,8 @@ def test_a_mesh_that_does_not_move_comes_back(name):
     mesh = OUTLINES[name]()
     back = movable(mesh).mesh()
     assert type(back) is MeshTri2
-    np.testing.assert_allclose(back.p, mesh.p, atol=1e-12)
-    np.testing.assert_array_equal(back.t, mesh.t)
+    assert_allclose(back.p, mesh.p, atol=1e-12)
+    assert_array_equal(back.t, mesh.t)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,7 @@ def test_a_mesh_that_does_not_move_comes_back(name):
 def test_outlines_are_arcs_and_lines_where_they_can_be_and_splines_elsewhere(name, shapes):
     chains = movable(OUTLINES[name]()).constraints.chains
     assert sorted(chains.shape) == sorted(shapes)
-    np.testing.assert_allclose(np.abs(chains.curvature[chains.shape == ROUND]), 1.0, rtol=1e-12)
+    assert_allclose(np.abs(chains.curvature[chains.shape == ROUND]), 1.0, rtol=1e-12)
 
 
 def test_nodes_slide_and_middles_stay_on_the_curve():
@@ -140,7 +141,7 @@ def test_middles_off_their_centre_come_back_and_curves_stay_smooth():
     share[1::2] += 0.2 / (2 * count)
     points = ellipse(share)
     mesh = star(points[:, ::2], points[:, 1::2])
-    np.testing.assert_allclose(movable(mesh).mesh().p, mesh.p, atol=1e-12)
+    assert_allclose(movable(mesh).mesh().p, mesh.p, atol=1e-12)
     chains = movable(mesh).constraints.chains
     assert off_ellipse(np.stack([chains.knot[:, 1], chains.knot[:, 2]])).max() < 1e-3
     assert np.all(np.diff(chains.knot[:, 0]) > 0.0)
@@ -157,7 +158,7 @@ def test_a_polygon_beside_a_curve_is_no_arc():
     off[:, rim] = middle / np.hypot(*middle) - middle
     curved = movable(with_midside_offsets(mesh, off))
     assert np.sum(curved.constraints.chains.shape == ROUND) == 1
-    np.testing.assert_allclose(offsets_of_sides(curved.mesh())[:, ring], 0.0, atol=1e-15)
+    assert_allclose(offsets_of_sides(curved.mesh())[:, ring], 0.0, atol=1e-15)
     assert np.sum(movable(with_midside_offsets(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
 
 
@@ -176,7 +177,7 @@ def test_sides_inside_become_straight():
     off[:, inside] += 0.01
     back = movable(with_midside_offsets(corners_of(mesh), off)).mesh()
     assert np.abs(offsets_of_sides(back)[:, inside]).max() < 1e-15
-    np.testing.assert_allclose(
+    assert_allclose(
         back.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
         mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
         atol=1e-12,

@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from helpers.meshes import generic_square, inset, junction, named, perturbed, ring, slit, square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -142,7 +143,7 @@ def test_flips_are_counted_and_nothing_flips_twice(seed):
     after = movable.triangulation.elements.node.copy()
     assert np.any(before != after)
     assert movable.flip() == 0
-    np.testing.assert_array_equal(movable.triangulation.elements.node, after)
+    assert_array_equal(movable.triangulation.elements.node, after)
 
 
 def test_where_flips_are_not_allowed_there_are_none():
@@ -150,7 +151,7 @@ def test_where_flips_are_not_allowed_there_are_none():
     movable = MovableMesh.of(mesh, Rules("fixed"))
     assert not movable.flips
     assert movable.flip() == 0
-    np.testing.assert_array_equal(movable.mesh().t, mesh.t)
+    assert_array_equal(movable.mesh().t, mesh.t)
 
 
 @pytest.mark.parametrize("min_quality", [0.2, None])
@@ -187,9 +188,9 @@ def test_settling_puts_nodes_on_their_curves():
     for name, radius in radii.items():
         nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
         assert np.abs(np.hypot(*p[:, nodes]) - radius).max() > 1e-5
-        np.testing.assert_allclose(np.hypot(*movable.triangulation.position[nodes].T), radius, rtol=1e-12)
+        assert_allclose(np.hypot(*movable.triangulation.position[nodes].T), radius, rtol=1e-12)
     others = np.setdiff1d(np.arange(p.shape[1]), mesh.boundary_nodes())
-    np.testing.assert_array_equal(movable.triangulation.position[others], p.T[others])
+    assert_array_equal(movable.triangulation.position[others], p.T[others])
     settled = kept(movable)
     movable.project_nodes()
     assert_same_state(movable.state(), settled)

@@ -17,6 +17,7 @@ from helpers.solids import (
     two_regions,
     volumes,
 )
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt import Rules
@@ -113,8 +114,8 @@ def test_put_together_again_a_mesh_is_what_it_was(build):
         ours, theirs = getattr(again, sets) or {}, getattr(mesh, sets) or {}
         assert list(ours) == list(theirs)
         for name, rows in theirs.items():
-            np.testing.assert_array_equal(ours[name], rows)
-            np.testing.assert_array_equal(getattr(ours[name], "ori", ()), getattr(rows, "ori", ()))
+            assert_array_equal(ours[name], rows)
+            assert_array_equal(getattr(ours[name], "ori", ()), getattr(rows, "ori", ()))
 
 
 @each_mesh
@@ -122,9 +123,9 @@ def test_elements_are_positive_and_know_their_neighbours(build):
     mesh = build()
     mesh = MeshTet(mesh.p, mesh.t[[1, 0, 2, 3]])
     tet = MovableSolid.of(mesh, Rules()).tetrahedralization
-    np.testing.assert_allclose(tet.volumes(), np.abs(volumes(mesh)), rtol=1e-13)
-    np.testing.assert_array_equal(tet.elements.neighbour, neighbours(tet.elements.node))
-    np.testing.assert_allclose(tet.centroids(), mesh.p[:, mesh.t].mean(axis=1).T, rtol=1e-14)
+    assert_allclose(tet.volumes(), np.abs(volumes(mesh)), rtol=1e-13)
+    assert_array_equal(tet.elements.neighbour, neighbours(tet.elements.node))
+    assert_allclose(tet.centroids(), mesh.p[:, mesh.t].mean(axis=1).T, rtol=1e-14)
 
 
 def test_a_box_has_six_patches_and_twelve_ridges():

@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 from helpers.meshes import comb, inset, junction, l_shape, length_of, named, peak, slit, square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -44,7 +45,7 @@ def test_corners_of_polygons_are_held_and_nodes_between_them_slide():
     assert np.array_equal(jumps, kind == HELD)
     at_core = np.max(np.abs(mesh.p - 0.5), axis=0) == 0.25
     at_frame = np.max(np.abs(mesh.p - 0.5), axis=0) == 0.5
-    np.testing.assert_array_equal(kind != FREE, at_core | at_frame)
+    assert_array_equal(kind != FREE, at_core | at_frame)
 
 
 def test_junctions_changes_of_name_and_loose_ends_are_corners():
@@ -94,7 +95,7 @@ def test_small_turns_that_add_up_are_kept_node_by_node():
     mesh = MeshTri(p, mesh.t)
     result = ka.relocate(mesh, peak(mesh, 0.5, 0.01), schedule=MUCH, min_quality=0.0)
     edge = np.isin(np.arange(p.shape[1]), mesh.boundary_nodes()) & (p[0] > 0) & (p[0] < 1)
-    np.testing.assert_array_equal(result.p[:, edge], p[:, edge])
+    assert_array_equal(result.p[:, edge], p[:, edge])
 
 
 @pytest.mark.parametrize("build", [lambda: square(8), lambda: inset(8), lambda: l_shape(4), lambda: comb(10)])
@@ -142,8 +143,8 @@ def test_the_jump_around_a_corner():
     assert on_side(result, 0, 0.0) == on_side(mesh, 0, 0.0) - 1
     assert on_side(result, 1, 0.0) == on_side(mesh, 1, 0.0) + 1
     others = np.setdiff1d(np.arange(9), [corner, follower])
-    np.testing.assert_array_equal(result.p[:, others], mesh.p[:, others])
-    np.testing.assert_array_equal(result.t, mesh.t)
+    assert_array_equal(result.p[:, others], mesh.p[:, others])
+    assert_array_equal(result.t, mesh.t)
     assert ka.quality(result).min() > 0
 
 
@@ -165,14 +166,14 @@ def test_a_jump_that_leaves_a_flat_ear_is_refused():
     assert np.sum(mesh.t == ear) == 1
     for min_quality in (0.0, None):
         result = trained_once(mesh, (0.8, 0.05), min_quality=min_quality)
-        np.testing.assert_array_equal(result.p, mesh.p)
+        assert_array_equal(result.p, mesh.p)
 
 
 def test_a_jump_that_breaks_the_quality_rule_is_refused():
     mesh = cornered()
     before = ka.quality(mesh).min()
     result = trained_once(mesh, (0.2, 0.05), rate=0.01, min_quality=0.5)
-    np.testing.assert_array_equal(result.p, mesh.p)
+    assert_array_equal(result.p, mesh.p)
     assert before > 0.5
 
 
@@ -180,7 +181,7 @@ def test_a_jump_that_breaks_the_quality_rule_is_refused():
 def test_no_jump_takes_or_leaves_a_pinned_node(pinned):
     mesh = cornered()
     result = trained_once(mesh, (0.2, 0.05), pinned=[node_at(mesh, *pinned)])
-    np.testing.assert_array_equal(result.p, mesh.p)
+    assert_array_equal(result.p, mesh.p)
 
 
 def test_after_a_jump_the_follower_is_the_corner_and_may_jump_on():
@@ -205,7 +206,7 @@ def test_corners_of_interfaces_jump_too():
     result = trained_once(mesh, (0.3, 0.24))  # from the air
     assert result.p[:, corner].tolist() == [0.3, 0.25]
     for name, rows in result.subdomains.items():
-        np.testing.assert_array_equal(rows, mesh.subdomains[name])
+        assert_array_equal(rows, mesh.subdomains[name])
 
 
 def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
@@ -246,6 +247,6 @@ def test_a_jump_at_a_junction_by_hand():
     ear = np.sort([middle, left, up]).tolist()
     assert ear in mesh.t[:, mesh.subdomains["left"]].T.tolist()
     result = trained_once(mesh, (0.6, 0.51), rate=0.5, topology="flip")
-    np.testing.assert_allclose(result.p[:, [middle, left]], [[0.55, 0.5], [0.5, 0.5]])
+    assert_allclose(result.p[:, [middle, left]], [[0.55, 0.5], [0.5, 0.5]])
     assert ear in result.t[:, result.subdomains["right"]].T.tolist()
     assert len(result.subdomains["right"]) == len(mesh.subdomains["right"]) + 1

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, peak_at, ring, shells, slit, square
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
@@ -75,9 +76,9 @@ def test_a_point_beside_one_side_reaches_what_lies_beside_the_other():
     alone, paired = KohonenMap(mesh, topology="fixed"), KohonenMap(mesh, topology="fixed", periodic=[("left", "right")])
     alone.train(x, once)
     paired.train(x, once)
-    np.testing.assert_array_equal(alone.mesh.p[:, near], mesh.p[:, near])
+    assert_array_equal(alone.mesh.p[:, near], mesh.p[:, near])
     # ring 1 of the winner's partner goes half of its way to the image of the point
-    np.testing.assert_allclose(paired.mesh.p[:, near], 0.5 * (mesh.p[:, near] + x + [[1.0], [0.0]]), atol=1e-15)
+    assert_allclose(paired.mesh.p[:, near], 0.5 * (mesh.p[:, near] + x + [[1.0], [0.0]]), atol=1e-15)
     assert mismatch(paired.mesh, "left", "right", lambda p: p + [[1.0], [0.0]]) == 0.0
 
 
@@ -204,9 +205,9 @@ def moved_by(motion):
 
 def test_motions_are_what_they_say():
     x = np.array([[1.0, 3.0], [0.0, -2.0]])
-    np.testing.assert_allclose(moved_by(ka.Rotation(np.pi / 2, (1.0, 1.0)))(x), [[2.0, 4.0], [1.0, 3.0]], atol=1e-15)
-    np.testing.assert_array_equal(moved_by(ka.Translation((1, -1)))(x), [[2.0, 4.0], [-1.0, -3.0]])
-    np.testing.assert_array_equal(moved_by(ka.Reflection((0, 1), (0, -3)))(x), [[1.0, 3.0], [2.0, 4.0]])
+    assert_allclose(moved_by(ka.Rotation(np.pi / 2, (1.0, 1.0)))(x), [[2.0, 4.0], [1.0, 3.0]], atol=1e-15)
+    assert_array_equal(moved_by(ka.Translation((1, -1)))(x), [[2.0, 4.0], [-1.0, -3.0]])
+    assert_array_equal(moved_by(ka.Reflection((0, 1), (0, -3)))(x), [[1.0, 3.0], [2.0, 4.0]])
 
 
 @pytest.mark.parametrize(
@@ -264,7 +265,7 @@ def test_circles_stay_matched_by_the_motion_named(make, pair, topology):
     assert mismatch(mesh, *pair[:2], moved_by(pair[2])) < 1e-14
     nodes = np.unique(mesh.facets[:, mesh.boundaries["0 rim"]])
     radius = np.hypot(*before.p[:, before.facets[0, before.boundaries["0 rim"][0]]])
-    np.testing.assert_allclose(np.hypot(*mesh.p[:, nodes]), radius, rtol=1e-14)
+    assert_allclose(np.hypot(*mesh.p[:, nodes]), radius, rtol=1e-14)
     spacing = np.diff(np.sort(np.arctan2(*mesh.p[::-1, nodes])))
     assert spacing.max() > 1.2 * spacing.min()  # they slid
 
@@ -278,7 +279,7 @@ def test_a_point_beside_a_circle_reaches_the_turned_stator():
     som.train(x, once)
     moved = np.flatnonzero(np.any(som.mesh.p != mesh.p, axis=0) & (np.hypot(*mesh.p) > 0.51))
     assert len(moved) > 0
-    np.testing.assert_allclose(som.mesh.p[:, moved], 0.5 * (mesh.p[:, moved] + rotation(angle) @ x), atol=1e-15)
+    assert_allclose(som.mesh.p[:, moved], 0.5 * (mesh.p[:, moved] + rotation(angle) @ x), atol=1e-15)
 
 
 def test_a_point_beside_a_side_reaches_its_mirror_image_but_not_where_the_mesh_would_fold():
@@ -289,7 +290,7 @@ def test_a_point_beside_a_side_reaches_its_mirror_image_but_not_where_the_mesh_w
         som = KohonenMap(mesh, topology="fixed", periodic=[("0 left", "1 left", motion)])
         som.train(x, once)
         wanted = mesh.p[:, near] + reached * (moved_by(motion)(x) - mesh.p[:, near])
-        np.testing.assert_allclose(som.mesh.p[:, near], wanted, atol=1e-15)
+        assert_allclose(som.mesh.p[:, near], wanted, atol=1e-15)
         assert mismatch(som.mesh, "0 left", "1 left", moved_by(motion)) < 1e-15
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 
@@ -33,9 +34,9 @@ def equation(surface, x):
 def test_the_nearest_points_are_on_it_and_none_is_nearer(surface):
     x = np.random.default_rng(0).uniform(-2, 2, (3, 200))
     kept, found = x.copy(), surface.project(x)
-    np.testing.assert_array_equal(x, kept)
+    assert_array_equal(x, kept)
     assert np.abs(equation(surface, found)).max() < 1e-14
-    np.testing.assert_allclose(surface.project(found), found, atol=1e-14)
+    assert_allclose(surface.project(found), found, atol=1e-14)
     distance = np.linalg.norm(found - x, axis=0)
     others = surface.project(np.random.default_rng(1).uniform(-3, 3, (3, 5000)))
     nearest = np.min(np.linalg.norm(others[:, None, :] - x[:, :, None], axis=0), axis=1)
@@ -58,7 +59,7 @@ def test_points_that_are_none(surface, x):
 
 def test_axes_and_normals_are_of_length_one_whatever_their_scale():
     for scale in (1e-200, 1.0, 1e200):
-        np.testing.assert_allclose(ka.Plane((0, 0, 0), np.array(AXIS) * scale).normal, np.array(AXIS) / 3, rtol=1e-15)
+        assert_allclose(ka.Plane((0, 0, 0), np.array(AXIS) * scale).normal, np.array(AXIS) / 3, rtol=1e-15)
     assert ka.Cylinder((0, 0, 0), (0, 0, -5), 1).axis == (0.0, 0.0, -1.0)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron.polish import descend as space
@@ -17,7 +18,5 @@ def test_small_eigenvalues_are_raised_and_negative_ones_turned(kernels, dim):
         raised = np.maximum(np.abs(curvature), kernels.LEAST_CURVATURE * np.abs(curvature).max())
         wanted = -kernels.OVERSTEP * turn @ (turn.T @ gradient / raised)
         hessian = (turn * curvature @ turn.T)[np.triu_indices(dim)]
-        np.testing.assert_allclose(
-            step(tuple(gradient), tuple(hessian)), wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max()
-        )
+        assert_allclose(step(tuple(gradient), tuple(hessian)), wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
     assert not np.any(step((1.0,) * dim, (0.0,) * len(hessian)))

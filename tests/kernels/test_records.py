@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 
@@ -55,14 +56,14 @@ def example(order="C"):
 def test_a_kernel_changes_the_arrays_of_its_caller(order):
     outside, by = example(order), 0.5
     assert shift_all(outside, by) == 9
-    np.testing.assert_array_equal(outside.inside.table, example().inside.table + [[7.5], [8.0], [8.5]])
+    assert_array_equal(outside.inside.table, example().inside.table + [[7.5], [8.0], [8.5]])
 
 
 def test_views_have_their_strides():
     outside = example()
     half = Outside(np.arange(12.0)[::4], Inside(np.arange(24.0).reshape(6, 4)[::2, 1:3].copy(), 0))
     assert shift_all(half, 1.0) == 9
-    np.testing.assert_array_equal(half.inside.table, [[1.0, 2.0], [13.0, 14.0], [25.0, 26.0]])
+    assert_array_equal(half.inside.table, [[1.0, 2.0], [13.0, 14.0], [25.0, 26.0]])
     first, total = columns(Inside(np.arange(24.0).reshape(6, 4)[::2, 1:3], 0))
     assert (first, total) == (27.0, 57.0)
     assert columns(outside.inside) == (6.0, 15.0)

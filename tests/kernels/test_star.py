@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import areas_of, generic_square, inset, junction, perturbed
+from numpy.testing import assert_array_equal
 
 from kohonen_adapt.kernels.triangle.arrays import Star
 from kohonen_adapt.kernels.triangle.geometry import fill_star, find_starts
@@ -30,17 +31,17 @@ def test_stars_list_the_elements_around_every_node_in_order(tri):
     node, cursor = tri.elements.node, np.empty(tri.nnodes, dtype=np.int32)
     star = Star(*(np.full_like(array, -1) for array in tri.star))
     find_starts(node, star.start)
-    np.testing.assert_array_equal(np.diff(star.start), np.bincount(node.ravel()))
+    assert_array_equal(np.diff(star.start), np.bincount(node.ravel()))
     for first, last in pieces(tri):
         fill_star(node, star, first, last, cursor)
     for v in range(tri.nnodes):
         e, k = np.nonzero(node == v)
         rows = slice(star.start[v], star.start[v + 1])
-        np.testing.assert_array_equal(star.element[rows], e)
-        np.testing.assert_array_equal(star.ahead[rows], node[e, (k + 1) % 3])
-        np.testing.assert_array_equal(star.behind[rows], node[e, (k + 2) % 3])
+        assert_array_equal(star.element[rows], e)
+        assert_array_equal(star.ahead[rows], node[e, (k + 1) % 3])
+        assert_array_equal(star.behind[rows], node[e, (k + 2) % 3])
     for mine, theirs in zip(star, tri.star, strict=True):
-        np.testing.assert_array_equal(mine, theirs)
+        assert_array_equal(mine, theirs)
 
 
 def test_densities_are_averaged_by_area_around_every_node_region_by_region(tri):

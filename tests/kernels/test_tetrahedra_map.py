@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.slow_solids import SlowSolidMap, canonical_winner, distance_to_simplex, quality, rings
 from helpers.solids import box, l_shape, two_regions, volumes
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet
 
 from kohonen_adapt import Rules
@@ -107,14 +108,14 @@ def test_stretches_of_equal_mass_get_a_point_each_and_elements_are_filled_evenly
     number, rng = 24_000, np.random.default_rng(0)
     points, element = np.empty((number, 3)), np.empty(number, dtype=np.int32)
     draw_points(mesh.position, node, order, np.cumsum(masses), rng.random((number, 4)), points, element)
-    np.testing.assert_array_equal(np.bincount(element, minlength=6), 2000 * masses)
+    assert_array_equal(np.bincount(element, minlength=6), 2000 * masses)
     corners = mesh.position[node[element]]
     shares = np.linalg.solve((corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1), (points - corners[:, 0])[..., None])
     shares = np.column_stack([1 - shares.sum(axis=1), shares[..., 0]])
     assert shares.min() > -1e-12
     # moments of the even distribution over a simplex: 1/4, and 1/10 or 1/20 of the products
-    np.testing.assert_allclose(shares.mean(axis=0), 0.25, atol=0.006)
-    np.testing.assert_allclose(shares.T @ shares / number, 0.05 + 0.05 * np.eye(4), atol=0.004)
+    assert_allclose(shares.mean(axis=0), 0.25, atol=0.006)
+    assert_allclose(shares.T @ shares / number, 0.05 + 0.05 * np.eye(4), atol=0.004)
 
 
 @pytest.mark.parametrize("moved", [False, True])
@@ -124,8 +125,8 @@ def test_in_a_convex_region_the_winner_is_the_nearest_of_all_nodes(moved):
     rng = np.random.default_rng(0)
     winners, distances = made.search(points, np.zeros(300), rng.integers(0, len(made.position), 300))
     all_distances = np.linalg.norm(points[:, None] - made.position, axis=2)
-    np.testing.assert_array_equal(winners, all_distances.argmin(axis=1))
-    np.testing.assert_allclose(distances, all_distances.min(axis=1), rtol=1e-14)
+    assert_array_equal(winners, all_distances.argmin(axis=1))
+    assert_allclose(distances, all_distances.min(axis=1), rtol=1e-14)
 
 
 def test_ties_go_to_the_lowest_number():
@@ -134,7 +135,7 @@ def test_ties_go_to_the_lowest_number():
     for start in (0, 13, 26):
         winners, _ = made.search(points, np.zeros(len(points)), np.full(len(points), start))
         squares = np.sum((points[:, None] - made.position) ** 2, axis=2)
-        np.testing.assert_array_equal(winners, squares.argmin(axis=1))
+        assert_array_equal(winners, squares.argmin(axis=1))
 
 
 @pytest.mark.parametrize("kind", ["slit", "l", "regions"])
@@ -204,15 +205,15 @@ def test_nodes_leave_corners_along_ridges_and_every_face_stays_on_its_patch(seed
     points[np.arange(60), axis] += np.where(points[np.arange(60), axis] == 0, 0.15, -0.15)
     made.learn(points, np.zeros(60), 0.9)
     assert len(np.setdiff1d(np.flatnonzero(freedom.number == HELD), corners)) > 0
-    np.testing.assert_array_equal(np.bincount(freedom.number), kinds)
+    assert_array_equal(np.bincount(freedom.number), kinds)
     at_corner = made.position[freedom.number == HELD]
-    np.testing.assert_array_equal(np.unique(at_corner, axis=0), np.unique(box(1).p.T, axis=0))
+    assert_array_equal(np.unique(at_corner, axis=0), np.unique(box(1).p.T, axis=0))
     e, k = np.nonzero(made.elements.patch >= 0)
     for j in range(1, 4):
         p, v = made.elements.patch[e, k], made.elements.node[e, (k + j) % 4]
         assert not np.any(np.sum((made.position[v] - surfaces.origin[p]) * surfaces.axis[p], axis=1))
     again = MovableSolid.of(made.solid.mesh(), Rules("fixed"))  # what a fresh look at the mesh finds
-    np.testing.assert_array_equal(again.freedom.number, freedom.number)
+    assert_array_equal(again.freedom.number, freedom.number)
     assert volumes_of(made).min() > 0
     assert volumes_of(made).sum() == pytest.approx(1.0, rel=1e-14)
 

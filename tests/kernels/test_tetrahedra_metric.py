@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.boxes import jittered, opened, qualities, random_shapes
 from helpers.solids import box
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from kohonen_adapt import Rules
@@ -36,12 +37,10 @@ def test_quality_and_length_are_those_after_the_map(ratio):
     position, node = jittered((2, 2, 2), 0.5, 1)
     shape, stretch = same_everywhere(len(position), ratio, 3)
     found = np.array([both_of_element(position, shape, node, e) for e in range(len(node))])
-    np.testing.assert_allclose(found[:, 0], qualities(position, node) ** 3, rtol=1e-12)
-    np.testing.assert_allclose(found[:, 1], qualities(position @ stretch.T, node) ** 3, rtol=1e-9)
+    assert_allclose(found[:, 0], qualities(position, node) ** 3, rtol=1e-12)
+    assert_allclose(found[:, 1], qualities(position @ stretch.T, node) ** 3, rtol=1e-9)
     lengths = [squared_length(position, Metric(shape, 1.0), a, b) for a, b in node[:, :2]]
-    np.testing.assert_allclose(
-        np.sum(((position[node[:, 1]] - position[node[:, 0]]) @ stretch.T) ** 2, axis=1), lengths
-    )
+    assert_allclose(np.sum(((position[node[:, 1]] - position[node[:, 0]]) @ stretch.T) ** 2, axis=1), lengths)
 
 
 def test_the_factor_maps_to_the_metric():
@@ -72,7 +71,7 @@ def test_swaps_are_those_of_the_round_mesh(seed):
             total += swap_waiting(mesh, queue, 1.0, 0.0, 1000)
         found.append(total)
     assert found[0] == found[1] > 50
-    np.testing.assert_array_equal(meshes[0].elements.node, meshes[1].elements.node)
+    assert_array_equal(meshes[0].elements.node, meshes[1].elements.node)
 
 
 def test_a_new_node_has_the_mean_shape_of_the_ends():
@@ -83,7 +82,7 @@ def test_a_new_node_has_the_mean_shape_of_the_ends():
     p = interpreted(split)(mesh, a, b, interpreted(prepare_split)(mesh, a, b, 0.0))
     found, mean = unpacked(shape[[p]])[0], 0.5 * unpacked(shape[[a, b]]).sum(axis=0)
     assert np.linalg.det(found) == pytest.approx(1.0)
-    np.testing.assert_allclose(found * np.cbrt(np.linalg.det(mean)), mean)
+    assert_allclose(found * np.cbrt(np.linalg.det(mean)), mean)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 5.0])
@@ -96,5 +95,5 @@ def test_the_winner_is_nearest_in_the_metric(ratio):
     distances, scratch = np.empty(len(points)), SearchScratch.of(solid.nnodes, len(tet.elements.node))
     find_winners(solid.kernel_mesh(), points, shape, region, start, winners, distances, scratch)
     every = np.linalg.norm((tet.position[None] - points[:, None]) @ stretch.T, axis=2)
-    np.testing.assert_array_equal(winners, every.argmin(axis=1))
-    np.testing.assert_allclose(distances, every.min(axis=1))
+    assert_array_equal(winners, every.argmin(axis=1))
+    assert_allclose(distances, every.min(axis=1))

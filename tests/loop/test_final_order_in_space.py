@@ -85,12 +85,11 @@ def test_the_default_order_follows_the_tolerance():
     assert tight.mesh.nvertices < 0.25 * 7969  # nodes that order 2 takes
 
 
-@pytest.mark.parametrize("rtol", [0.05, 0.02])
-def test_a_goal_takes_no_order_with_more_unknowns_than_order_2(rtol):
+def test_a_goal_takes_no_order_with_more_unknowns_than_order_2():
     """Order 5 on two layers takes 103 591 unknowns to 2 %."""
     goal = Force("magnet", (0.0, 0.0, 1.0))
     default = MagneticScalarPotential(MATERIALS, {"outer": 0.0}, goal=goal)
-    result = ka.adapt(blocks([AXIS] * 3, PARTS), default, goal_rtol=rtol)
+    result = ka.adapt(blocks([AXIS] * 3, PARTS), default, goal_rtol=0.02)
     assert result.status is ka.Status.CONVERGED and result.best.order == 2
     assert result.best.unknowns < 25_000
 

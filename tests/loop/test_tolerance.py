@@ -135,9 +135,8 @@ def test_a_goal_that_is_zero_by_symmetry_asks_for_atol():
     assert "Give atol instead, the root of the allowed error." in result.message
 
 
-@pytest.mark.parametrize("order", [2, "auto"])
-def test_an_output_that_is_zero_by_symmetry_asks_for_a_mapping(order):
-    mesh, problem = rectangle_mesh(1), magnet(order=order)
+def test_an_output_that_is_zero_by_symmetry_asks_for_a_mapping():
+    mesh, problem = rectangle_mesh(1), magnet(order="auto")
     outputs = {"across": Force("magnet", (1, 0)), "at": FluxDensityAt((0.0, 0.0), (0, 1), 0.001)}
     result = ka.adapt(mesh, problem, outputs=outputs, output_rtol=1e-3)
     assert result.status is ka.Status.STALLED and result.best.order == 2

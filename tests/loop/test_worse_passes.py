@@ -46,7 +46,7 @@ def assert_no_worse_than_the_polish(mesh, problem, **options):
         assert result.best.number > 0
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, 3])
 @examples(4)
 @given(seed=SEEDS, times=st.integers(0, 3), passes=st.integers(1, 3))
 def test_the_input_is_never_the_best_if_the_polish_alone_improves_it(order, seed, times, passes):

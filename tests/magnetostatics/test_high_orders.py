@@ -85,14 +85,13 @@ def test_arcs_that_fold_elements_are_named():
         Magnetostatics(**given, order=4).solve(mesh)
 
 
-@pytest.mark.parametrize("order", [4, 7])
-def test_saturated_iron_matches_the_exact_tube(order):
+def test_saturated_iron_matches_the_exact_tube():
     """``H = I / (2 pi r)`` around a wire, whatever the material."""
-    field = tube(order=order).solve(curved_wire_mesh())
+    field = tube(order=4).solve(curved_wire_mesh())
     r = np.linspace(1.02 * BORE, 0.98 * RIM, 50)
     strength = field.field_strength_at(np.stack([0.6 * r, 0.8 * r]))
     wanted = CURRENT / (2.0 * np.pi * r) * np.array([[-0.8], [0.6]])
-    np.testing.assert_allclose(strength, wanted, atol={4: 2e-3, 7: 2e-5}[order] * np.abs(wanted).max())
+    np.testing.assert_allclose(strength, wanted, atol=2e-3 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("layers", [0, 3])

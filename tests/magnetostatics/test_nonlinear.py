@@ -27,7 +27,6 @@ from kohonen_adapt.magnetostatics import (
 )
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
-from kohonen_adapt.problem.functional_value import functional_value
 
 MU0 = 4e-7 * np.pi
 
@@ -351,22 +350,6 @@ def test_radial_and_halbach_directions():
     np.testing.assert_allclose(halbach(1.0, 1)(x), [[1, -1, 1], [0, 0, 0]], atol=1e-15)
 
 
-def test_a_halbach_ring_has_a_uniform_field_inside():
-    """B = Br ln(outer / inner) for one pole pair, in free space; and none outside."""
-    mesh = disk(40, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.99 * OUTER})
-    middle = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
-    ring = (middle > 0.02) & (middle < 0.04)
-    mesh = mesh.with_subdomains({"ring": np.flatnonzero(ring), "air": np.flatnonzero(~ring)})
-    problem = Magnetostatics(
-        {"ring": Material(remanence=halbach(1.0, 1)), "air": Material()}, {"outer": 0.0}, "recovery", order=1
-    )
-    field = problem.solve(mesh)
-    np.testing.assert_allclose(field.flux_density[0, middle < 0.015], np.log(2), rtol=0.01)
-    assert np.abs(field.flux_density[:, middle > 0.042]).max() < 0.03
-    assert np.linalg.norm(problem.indicators(mesh, field)) < 0.05 * problem.energy_norm(mesh, field)
-    assert "No polish" not in ka.adapt(mesh, problem, passes=1).message
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -409,14 +392,6 @@ def test_ampere_turns_are_kept_wherever_the_nodes_are():
         mesh = wire_mesh(rings)
         field = tube().solve(mesh)
         assert np.sum(field.volume * field.current_density) == pytest.approx(CURRENT, rel=1e-12)
-
-
-def test_steel_in_an_open_boundary_is_polished():
-    mesh, problem = wire_mesh(10), tube(open_boundary="outer", potential=None)
-    before, after = (
-        functional_value(each, problem.ritz(each, problem.solve(each))) for each in (mesh, ka.polish(mesh, problem))
-    )
-    assert after < before
 
 
 @pytest.mark.parametrize(

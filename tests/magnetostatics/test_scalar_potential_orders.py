@@ -14,7 +14,6 @@ import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.solid_estimation import at_edges
 from kohonen_adapt.plotting import plot_slice, plot_surface
-from kohonen_adapt.problem.functional_value import functional_value
 from kohonen_adapt.report import write_report
 
 AIR = Material()
@@ -135,37 +134,6 @@ def test_an_applied_field_is_a_given_potential(order, iron):
     assert applied.energy == pytest.approx(given.energy, rel=1e-5)
 
 
-@pytest.mark.parametrize(("kind", "sign"), [("parallel", 1.0), ("normal", -1.0)])
-@pytest.mark.parametrize("order", HIGH)
-def test_half_a_model_by_a_plane_of_symmetry(order, kind, sign):
-    half = blocks([np.linspace(0.0, 1.0, 4), AXIS, AXIS], {"magnet": ((0.0, -0.5, -0.5), (2.0 / 3.0, 0.5, 0.0))})
-    mirrored = half.p * np.array([[-1.0], [1.0], [1.0]])
-    whole = MeshTet(np.hstack((half.p, mirrored)), np.hstack((half.t, half.t + half.p.shape[1])))
-    whole = MeshTet(*_joined(whole))
-    middle = np.abs(whole.p[:, whole.t].mean(axis=1))
-    inside = (middle[0] < 2.0 / 3.0) & (middle[1] < 0.5) & (whole.p[2, whole.t].mean(axis=0) < 0.0)
-    inside &= middle[2] < 0.5
-    whole = whole.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
-    whole = whole.with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
-    remanence = (0.0, 0.3, 1.2)
-    sides = {name: 0.0 for name in half.boundaries if name not in ("outer", "x-")}
-    part = MagneticScalarPotential(
-        {"magnet": Material(remanence=remanence), "air": AIR}, sides, symmetry={"x-": kind}, order=order
-    ).solve(half)
-
-    def of_both(x):
-        return np.where(x[0] < 0.0, sign, 1.0) * np.reshape(remanence, (3, 1)) * np.ones_like(x)
-
-    both = MagneticScalarPotential({"magnet": Material(remanence=of_both), "air": AIR}, RIM, order=order).solve(whole)
-    assert 2.0 * part.energy == pytest.approx(both.energy, rel=1e-9)
-
-
-def _joined(mesh):
-    key = np.round(1e6 * mesh.p).astype(int)
-    _, first, index = np.unique(key, axis=1, return_index=True, return_inverse=True)
-    return mesh.p[:, first], index.ravel()[mesh.t]
-
-
 # --- estimates and adapted meshes ----------------------------------------------------------------------------------
 
 
@@ -235,44 +203,6 @@ def test_the_loop_grades_meshes_of_order_2(tmp_path):
     plane = ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0))
     write_report(tmp_path / "report.html", grown, before=ka.adapt(mesh, problem, passes=0), plane=plane)
     assert (tmp_path / "report.html").stat().st_size > 1000
-
-
-STEEL = Froehlich(500.0, 1.6)
-
-
-@pytest.mark.parametrize(
-    "materials",
-    [
-        {"magnet": Material(1.05, remanence=(0.3, 0.0, 1.2)), "iron": Material(100.0), "air": AIR},
-        {"magnet": Material(bh=STEEL, remanence=(0.3, 0.0, 0.8)), "iron": Material(bh=STEEL), "air": AIR},
-    ],
-    ids=["linear", "steel"],
-)
-def test_the_functional_is_the_co_energy_up_to_a_constant(materials):
-    mesh = bent()
-    problem = MagneticScalarPotential(materials, RIM, order=2)
-    energy, field = problem.functional_on(mesh)[0], problem.solve(mesh)
-    ritz, differences = problem.ritz(mesh, field), []
-    for seed in (None, 0, 1):
-        change = (
-            np.zeros(field.unknown.size)
-            if seed is None
-            else np.random.default_rng(seed).normal(size=field.unknown.size)
-        )
-        values = field.unknown + 1e4 * np.where(ritz.fixed, 0.0, change)
-        differences.append(energy.value(values)[0] - functional_value(mesh, replace(ritz, values=values)))
-    np.testing.assert_allclose(differences, differences[0], rtol=1e-9, atol=1e-12 * abs(energy.value(values)[0]))
-
-
-def test_the_polish_beside_saturated_iron_lowers_the_co_energy():
-    """Also of a nonlinear magnet; values of the functional are those of the next solve."""
-    materials = {"magnet": Material(bh=STEEL, remanence=(0.3, 0.0, 0.8)), "iron": Material(bh=STEEL), "air": AIR}
-    mesh, problem = blocks([AXIS] * 3, PARTS), MagneticScalarPotential(materials, RIM, order=2)
-    result = ka.adapt(mesh, problem, passes=2)
-    value = functional_value(result.mesh, problem.ritz(result.mesh, result.solution))
-    assert all(step.unpolished == "" and step.comparable for step in result.history)
-    assert result.history[1].polish_gain > 0.0 and result.best.functional == pytest.approx(value, rel=1e-12)
-    assert result.best.functional < result.history[0].functional
 
 
 # --- questions to a field ------------------------------------------------------------------------------------------
@@ -453,7 +383,7 @@ def test_orders_above_2_are_not_polished():
         problem.ritz(mesh, problem.solve(mesh))
 
 
-@pytest.mark.parametrize("order", [3, 4, 6])
+@pytest.mark.parametrize("order", [3, 4])
 def test_errors_of_smooth_fields_at_higher_orders_are_told(order):
     problem = MagneticScalarPotential({"body": AIR, "air": AIR}, {"outer": harmonic_wave}, order=order)
     field = problem.solve(cube(4))
@@ -487,7 +417,6 @@ def facing(gap):
     return blocks([across, across, np.array([-1.5, -0.9, -high, -low, low, high, 0.9, 1.5])], parts)
 
 
-@pytest.mark.parametrize("order", [3, 4])
 @pytest.mark.parametrize(
     ("gap", "lower", "output", "exact"),
     [  # by order 6 on two layers at the edges; order 5 differs by 2e-4
@@ -495,10 +424,10 @@ def facing(gap):
         (0.2, Material(1.05, remanence=(0.0, 0.0, 1.0)), Force("lower", (0.0, 0.0, 1.0)), 37562.4),
     ],
 )
-def test_errors_of_outputs_include_orders_above_the_next(gap, lower, output, exact, order):
+def test_errors_of_outputs_include_orders_above_the_next(gap, lower, output, exact):
     mesh = facing(gap)
     materials = {"lower": lower, "upper": Material(1.05, remanence=(0.0, 0.0, 1.2)), "air": AIR}
-    problem = MagneticScalarPotential(materials, RIM, order=order)
+    problem = MagneticScalarPotential(materials, RIM, order=4)
     field = problem.solve(mesh)
     told = problem.improved(mesh, field, {"output": output})["output"] - output(field)
     assert 0.7 < told / (exact - output(field)) < 1.4

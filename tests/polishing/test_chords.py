@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.meshes import circle, shells
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP1, MeshTri
 
 import kohonen_adapt as ka
@@ -140,7 +141,7 @@ def test_polish_moves_nodes_along_curves_downhill_and_keeps_quality():
     mesh = disk(16, 4, off=0.05)
     better = ka.polish(mesh, FIELD, sweeps=4)
     on = np.isclose(np.hypot(*mesh.p), 0.3) | np.isclose(np.hypot(*mesh.p), 0.6) | np.isclose(np.hypot(*mesh.p), 1.0)
-    np.testing.assert_allclose(np.hypot(*better.p[:, on]), np.hypot(*mesh.p[:, on]), rtol=1e-12)
+    assert_allclose(np.hypot(*better.p[:, on]), np.hypot(*mesh.p[:, on]), rtol=1e-12)
     assert np.median(np.hypot(*(better.p - mesh.p)[:, on])) > 1e-3
     assert ka.quality(better).min() >= min(0.3, ka.quality(mesh).min())
 
@@ -171,7 +172,7 @@ def test_where_slivers_are_not_known_nodes_on_curves_stay(name):
     on = still & np.isin(np.round(np.hypot(*mesh.p), 9), RADII)
     assert on.any()
     better = ka.polish(mesh, problem, sweeps=2)
-    np.testing.assert_array_equal(better.p[:, on], mesh.p[:, on])
+    assert_array_equal(better.p[:, on], mesh.p[:, on])
     assert np.abs(better.p - mesh.p).max() > 1e-3
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.descents import Start
 from helpers.meshes import disk, generic_square, inset, junction, named, perturbed, slit, square
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -60,7 +61,7 @@ def test_the_functional_falls_by_what_is_told_and_the_arrays_are_those_of_the_me
     sliding = ours.constraints.kind == SLIDING
     chain, table = ours.constraints.own_chain[sliding], ours.constraints.chains
     looked_up = table.origin[chain] + ours.constraints.parameter[sliding, None] * table.direction[chain]
-    np.testing.assert_allclose(looked_up, ours.triangulation.position[sliding], atol=1e-15)
+    assert_allclose(looked_up, ours.triangulation.position[sliding], atol=1e-15)
 
 
 def recycled(mesh, values, fixed, load=1.0):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.descents import Start, descent_of
 from helpers.meshes import inset, junction, l_shape, perturbed
+from numpy.testing import assert_array_equal
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, condense, solve
 from skfem.models import laplace, unit_load
 
@@ -54,7 +55,7 @@ def test_a_dual_that_is_the_solution_itself_and_one_that_is_nothing_change_no_bi
     expected = polished(mesh, one)
     for dual in (one, nothing):
         for found, wanted in zip(polished(mesh, replace(one, dual=dual)), expected, strict=True):
-            np.testing.assert_array_equal(found, wanted)
+            assert_array_equal(found, wanted)
 
 
 # --- a goal ----------------------------------------------------------------------------------------------------
@@ -139,7 +140,7 @@ def test_a_run_that_goes_on_keeps_the_share(tmp_path):
     ka.adapt(start(), Polished(), passes=2, checkpoint=tmp_path)
     resumed = ka.adapt(start(), Polished(), passes=3, checkpoint=tmp_path)
     assert [step.functional for step in resumed.history] == [step.functional for step in whole.history]
-    np.testing.assert_array_equal(resumed.mesh.p, whole.mesh.p)
+    assert_array_equal(resumed.mesh.p, whole.mesh.p)
 
 
 def test_functionals_that_were_linearised_are_compared_by_the_estimate():

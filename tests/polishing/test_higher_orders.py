@@ -5,6 +5,7 @@ import pytest
 from helpers.descents import Start
 from helpers.meshes import l_shape, perturbed
 from helpers.scalar_problems import Corner, loaded, magnet, magnet_mesh
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
@@ -43,7 +44,7 @@ def test_coefficients_are_those_of_scikit_fem(order):
     modes = None if order == 1 else modes_of(mesh, node, values, order)
     share = rng.dirichlet([1.0, 1.0, 1.0], size=len(node))
     x = np.einsum("mk,mkc->cm", share, mesh.p.T[node])
-    np.testing.assert_allclose(evaluated(local_coefficients(values[node], modes), share), basis.probes(x) @ values)
+    assert_allclose(evaluated(local_coefficients(values[node], modes), share), basis.probes(x) @ values)
 
 
 @each_order
@@ -104,7 +105,7 @@ def test_what_was_in_memory_before_has_no_say(order):
         for array in room.primal.block:
             array[:] = np.nan if array.dtype == np.float64 else -5
         weigh(mesh, room, WITH, offers, most, movable.floor, v, v + 1, False)
-    np.testing.assert_array_equal(offers.cost, costs)
+    assert_array_equal(offers.cost, costs)
 
 
 @each_order
@@ -126,9 +127,9 @@ def test_a_polynomial_that_the_elements_have_is_carried_as_it_is(order):
     expected = modes_of(
         moved, movable.triangulation.elements.node, exact(Basis(moved, ELEMENTS[order]()).doflocs), order
     )
-    np.testing.assert_allclose(after.values, exact(moved.p), atol=1e-13)
-    np.testing.assert_allclose(after.modes.side, expected.side, atol=1e-12)
-    np.testing.assert_allclose(after.modes.bubble, expected.bubble, atol=1e-12)
+    assert_allclose(after.values, exact(moved.p), atol=1e-13)
+    assert_allclose(after.modes.side, expected.side, atol=1e-12)
+    assert_allclose(after.modes.bubble, expected.bubble, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -1,21 +1,16 @@
 """`polish`: the error never grows, the geometry stays, and given values stay what they are."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers.alternatives import ritz_solution
-from helpers.examples import examples
-from helpers.meshes import area_of, generic_square, inset, junction, l_shape, perturbed, slit, square
+from helpers.meshes import generic_square, inset, junction, l_shape, perturbed, square
 from helpers.scalar_problems import loaded, magnet, magnet_mesh
-from hypothesis import given
-from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 from skfem import MeshQuad
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
@@ -55,37 +50,6 @@ def functional_of(mesh, problem):
     return functional_value(mesh, ritz), functional.comparable
 
 
-MESHES = {
-    "squares": lambda seed: square(6),
-    "generic": lambda seed: generic_square(6, seed),
-    "regions": lambda seed: perturbed(inset(8), seed),
-    "junction": lambda seed: perturbed(junction(6), seed),
-    "slit": lambda seed: perturbed(slit(6), seed),
-    "corner": lambda seed: l_shape(3),
-}
-
-
-@given(
-    name=st.sampled_from(sorted(MESHES)),
-    seed=st.integers(0, 10**6),
-    contrast=st.sampled_from([1.0, 10.0, 1000.0]),
-    load=st.sampled_from([0.0, 1.0, 100.0]),
-    sweeps=st.integers(1, 6),
-    topology=st.sampled_from(["flip", "fixed"]),
-    min_quality=st.sampled_from([0.0, 0.3, 0.6]),
-)
-@examples(40)
-def test_the_functional_of_the_next_solution_has_not_grown(name, seed, contrast, load, sweeps, topology, min_quality):
-    mesh, problem = MESHES[name](seed % 5), Diffusion(seed, contrast, load, right=lambda y: 1 - 2 * y)
-    result = ka.polish(mesh, problem, sweeps=sweeps, topology=topology, min_quality=min_quality)
-    before, comparable = functional_of(mesh, problem)
-    after, _ = functional_of(result, problem)
-    assert comparable
-    assert after <= before + 1e-11 * max(abs(before), abs(after))
-    assert ka.quality(result).min() >= min(min_quality, ka.quality(mesh).min()) - 1e-12
-    assert area_of(result) == pytest.approx(area_of(mesh), rel=1e-12)
-
-
 @pytest.mark.parametrize(
     "build, problem",
     [
@@ -110,8 +74,8 @@ def test_the_error_falls_and_goes_on_falling(build, problem, topology):
 def test_no_sweeps_change_nothing(topology):
     mesh = perturbed(inset(8), 2)
     result = ka.polish(mesh, Diffusion(2), sweeps=0, topology=topology)
-    np.testing.assert_array_equal(result.p, mesh.p)
-    np.testing.assert_array_equal(result.t, mesh.t)
+    assert_array_equal(result.p, mesh.p)
+    assert_array_equal(result.t, mesh.t)
 
 
 class InOtherUnits(Diffusion):
@@ -135,8 +99,8 @@ class InOtherUnits(Diffusion):
 def test_units_do_not_matter(exponent):
     mesh = perturbed(junction(6), 4)
     one, other = ka.polish(mesh, Diffusion(3)), ka.polish(mesh, InOtherUnits(exponent))
-    np.testing.assert_array_equal(one.p, other.p)
-    np.testing.assert_array_equal(one.t, other.t)
+    assert_array_equal(one.p, other.p)
+    assert_array_equal(one.t, other.t)
     assert not np.array_equal(one.p, mesh.p)
 
 
@@ -159,34 +123,9 @@ def test_nodes_with_other_given_values_stay():
     problem = Diffusion(5, load=10.0, left=lambda y: y**2)
     result = ka.polish(mesh, problem)
     left, right = mesh.p[0] == 0.0, mesh.p[0] == 1.0
-    np.testing.assert_array_equal(result.p[:, left], mesh.p[:, left])
+    assert_array_equal(result.p[:, left], mesh.p[:, left])
     assert np.abs(result.p[1, right] - mesh.p[1, right]).max() > 0.01
     assert not functional_of(mesh, problem)[1]
-
-
-def test_magnetostatics_says_what_it_minimises():
-    """At the minimum the functional is minus half the energy; the potential has no variation that lowers it."""
-    mesh = magnet_mesh(20, True).with_boundaries({"outer": lambda x: np.abs(x).max(axis=0) > 1 - 1e-9})
-    filled = np.concatenate(list(mesh.subdomains.values()))
-    mesh = mesh.with_subdomains({"air": np.setdiff1d(np.arange(mesh.t.shape[1]), filled)})
-    materials = {
-        "magnet": Material(permeability=1.05, remanence=(0.3, 1.2)),
-        "iron": Material(permeability=1000.0, current_density=2e5),
-        "air": Material(),
-    }
-    problem = Magnetostatics(materials, potential={"outer": 0.0}, order=1)
-    field = problem.solve(mesh)
-    ritz = problem.ritz(mesh, field)
-    least = functional_value(mesh, ritz)
-    assert least == pytest.approx(-0.5 * problem.energy_norm(mesh, field) ** 2, rel=1e-9)
-    way = np.where(ritz.fixed, 0.0, np.random.default_rng(0).normal(size=mesh.p.shape[1]))
-    way *= 1e-3 * np.abs(field.potential).max()
-    varied = [replace(ritz, values=field.potential + sign * way) for sign in (1, -1)]
-    up, down = (functional_value(mesh, other) for other in varied)
-    assert up > least and down > least
-    assert up - least == pytest.approx(down - least, rel=1e-6)
-    after, comparable = functional_of(ka.polish(mesh, problem), problem)
-    assert after < least and comparable
 
 
 class NoRitz:
@@ -253,7 +192,7 @@ def test_pairs_stay_matched_to_the_bit(build, topology):
     assert np.abs(heights(parted, "left") - heights(parted, "right")).max() > 1e-3
     result = ka.polish(mesh, problem, topology=topology, periodic=PAIR)
     for name in SIDES:
-        np.testing.assert_array_equal(heights(result, name), heights(mesh, name))
+        assert_array_equal(heights(result, name), heights(mesh, name))
     assert np.abs(result.p - mesh.p).max() > 1e-2  # elsewhere nodes move
     ka.polish(result, problem, periodic=PAIR)  # and the sides are taken for a pair again
 
@@ -270,7 +209,7 @@ def test_nodes_slide_on_curves_of_ones_own():
     floor = np.flatnonzero(mesh.p[1] == 0.0)
     problem = Diffusion(5, load=30.0)
     line, own = (ka.polish(mesh, problem, curves={"floor": curve}) for curve in (ka.Line((0, 0), (1, 0)), Level()))
-    np.testing.assert_array_equal(line.p, ka.polish(mesh, problem).p)
+    assert_array_equal(line.p, ka.polish(mesh, problem).p)
     assert np.any(line.p[0, floor] != mesh.p[0, floor]) and np.all(line.p[1, floor] == 0.0)
     assert np.any(own.p[0, floor] != mesh.p[0, floor]) and np.all(own.p[1, floor] == 0.0)
     assert functional_of(own, problem)[0] < functional_of(mesh, problem)[0]

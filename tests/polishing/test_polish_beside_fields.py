@@ -6,7 +6,8 @@ from itertools import product
 import numpy as np
 import pytest
 from helpers.descents import descent_of
-from helpers.driven_solids import PARTS, block_mesh, dipole, loop, random_problem, uniform
+from helpers.driven_solids import PARTS, block_mesh, dipole, loop, uniform
+from numpy.testing import assert_allclose
 from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet
 
 import kohonen_adapt as ka
@@ -33,24 +34,6 @@ def solved(mesh, problem):
     field, movable = problem.solve(mesh), MovableSolid.of(mesh, Rules("recycle"))
     functional = SolidFunctional.of_solution(problem.ritz(mesh, field), movable, mesh)
     return field, movable, functional, functional_value(mesh, functional.ritz)
-
-
-@both_orders
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("recycles", [False, True], ids=["sweeps", "exchanges"])
-def test_after_the_next_solve_the_functional_has_not_risen(seed, recycles, order):
-    mesh, problem = block_mesh(seed), replace(random_problem(seed), order=order)
-    field, movable, functional, before = solved(mesh, problem)
-    descent = descent_of(movable, functional)
-    if recycles:
-        gain = descend_and_recycle(descent, (2, 2))[1]
-    else:
-        gain = descend_and_recycle(descent, (3,))[1]
-        if order == 1:  # at order 2 loads do work that the descent leaves out
-            assert descent.value() == pytest.approx(before - gain, abs=1e-8 * (abs(before) + field.energy))
-    _, _, again, after = solved(movable.mesh(), problem)
-    assert gain > 0.0 and after <= before - gain + 1e-8 * (abs(before) + field.energy)
-    assert again.comparable == functional.comparable
 
 
 @both_orders
@@ -108,7 +91,7 @@ def test_nodes_slide_on_iron_and_magnets_and_leave_the_corners():
         volume = np.linalg.det(np.diff(after.p[:, after.t[:, after.subdomains[name]]], axis=1).T).sum() / 6.0
         assert abs(volume) == pytest.approx(np.prod(np.subtract(high, low)), rel=1e-12)
     again = problem.ritz(after, problem.solve(after)).surface.nodal
-    np.testing.assert_allclose(trial.surface[surface, 0], again[surface, 0], atol=1e-9 * np.ptp(again[:, 0]))
+    assert_allclose(trial.surface[surface, 0], again[surface, 0], atol=1e-9 * np.ptp(again[:, 0]))
     values = trial.value[: after.nvertices]
     exact = functional_value(after, replace(problem.ritz(after, problem.solve(after)), values=values))
     assert told == pytest.approx(exact, rel=1e-9)
@@ -131,14 +114,14 @@ def test_loads_of_faces_are_exact_for_quadratic_fields():
     descent = descent_of(movable, functional)
     mesh_in_use, applied = descent.opened.mesh, descent.trial.applied
     rows = np.flatnonzero(applied[:, FOLLOWS])
-    np.testing.assert_allclose(applied[rows, FIELD_X:GRADIENT_XX], cubic(mesh.p[:, rows]).T, atol=1e-2)
+    assert_allclose(applied[rows, FIELD_X:GRADIENT_XX], cubic(mesh.p[:, rows]).T, atol=1e-2)
     applied[rows, FIELD_X:GRADIENT_XX] = cubic(mesh.p[:, rows]).T
     applied[rows, GRADIENT_XX:AT_X] = derivatives(mesh.p[:, rows])
     load = np.zeros(len(mesh_in_use.position))
     add_loads(mesh_in_use, descent.trial, load)
     inner = np.setdiff1d(rows, mesh.boundary_nodes())
     assert inner.size > 100
-    np.testing.assert_allclose(load[inner], field.drive.load[inner], atol=1e-9 * np.abs(field.drive.load).max())
+    assert_allclose(load[inner], field.drive.load[inner], atol=1e-9 * np.abs(field.drive.load).max())
 
 
 def test_offsets_follow_the_field_of_a_loop():
@@ -192,9 +175,9 @@ def test_potentials_in_iron_have_the_same_constants_on_every_mesh(order):
             rows = np.intersect1d(unknowns["air"], unknowns[name])
             d = elements.doflocs[:, rows] - at[:, None]
             rest = nodal[rows, 0] - moment @ d / (4.0 * np.pi * np.linalg.norm(d, axis=0) ** 3)
-            np.testing.assert_allclose(rest, rest[0], atol=1e-6 * np.ptp(nodal[rows, 0]))
+            assert_allclose(rest, rest[0], atol=1e-6 * np.ptp(nodal[rows, 0]))
             constants.append(rest[0])
-    np.testing.assert_allclose(constants[:2], constants[2:], rtol=1e-6)
+    assert_allclose(constants[:2], constants[2:], rtol=1e-6)
 
 
 @both_orders
@@ -227,8 +210,8 @@ def test_a_solution_of_order_2_is_itself_on_its_own_mesh():
     start = unchanged(movable.tetrahedralization).start_element
     there = transferred_in_space(functional, MovableSolid.of(mesh, Rules("recycle")), movable, start)
     own, size = functional.solution, np.ptp(functional.solution.values)
-    np.testing.assert_allclose(there.values, own.values, atol=1e-9 * size)
-    np.testing.assert_allclose(there.modes.side, own.modes.side, atol=1e-9 * size)
+    assert_allclose(there.values, own.values, atol=1e-9 * size)
+    assert_allclose(there.modes.side, own.modes.side, atol=1e-9 * size)
 
 
 def test_nonlinear_magnets_are_polished():

@@ -7,6 +7,7 @@ from helpers.diffusion_solids import Diffusion
 from helpers.poisson_solids import fichera
 from helpers.quadratic_solids import QuadraticDiffusion
 from helpers.solids import ball, halved_cube
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules
@@ -33,8 +34,8 @@ def test_a_plan_of_one_number_keeps_all_nodes():
     start = unchanged(movable.tetrahedralization)
     recycled, gain = descend_and_recycle(descent_of(movable, functional), (3,))
     assert gain > 0.0 and recycled.splits == 0
-    np.testing.assert_array_equal(recycled.old, start.old)
-    np.testing.assert_array_equal(recycled.start_element, start.start_element)
+    assert_array_equal(recycled.old, start.old)
+    assert_array_equal(recycled.start_element, start.start_element)
 
 
 @pytest.mark.parametrize(("kind", "most"), [(Diffusion, 0.85), (QuadraticDiffusion, 0.7)])
@@ -65,7 +66,7 @@ def test_nodes_slide_on_curved_surfaces():
     problem = Diffusion([1.0], [1.0], np.zeros((3, 1)), {"rim": lambda x: 0.0 * x[0]})
     after, rim = ka.polish(mesh, problem, topology="fixed"), mesh.boundary_nodes()
     assert np.abs(after.p - mesh.p)[:, rim].max() > 1e-3
-    np.testing.assert_allclose(np.linalg.norm(after.p[:, rim], axis=0), 1.0, rtol=1e-12)
+    assert_allclose(np.linalg.norm(after.p[:, rim], axis=0), 1.0, rtol=1e-12)
     assert least(after, problem) < least(mesh, problem)
 
 

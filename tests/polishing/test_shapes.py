@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 from kohonen_adapt import Ritz, Rules
@@ -118,16 +119,16 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
         value = derivatives(scratch, (x, y), POSITION)[1]
         for wanted in (VALUE, BLOCK):
             assert derivatives(scratch, (x, y), wanted)[1] == pytest.approx(value, rel=1e-14)
-        np.testing.assert_array_equal(scratch.block.rest[:count], rest)
-        np.testing.assert_array_equal(np.tril(scratch.block.stiffness[:count, :count]), np.tril(stiffness))
+        assert_array_equal(scratch.block.rest[:count], rest)
+        assert_array_equal(np.tril(scratch.block.stiffness[:count, :count]), np.tril(stiffness))
         hessian, scale = np.array([[xx, xy], [xy, yy]]), np.abs(stiffness).max()
         near = {"rtol": 1e-5, "atol": 1e-6 * scale}
         loose = {"rtol": 1e-5, "atol": (1e-6 if case[3] is None else 1e-3) * scale}  # tables know W'' to first order
         for i, way in enumerate(STEP * np.eye(2)):
             (up, up_slope, up_rest, *_), (down, down_slope, down_rest, *_) = now(*way), now(*-way)
-            np.testing.assert_allclose((up - down) / (2.0 * STEP), slope[i], **near)
-            np.testing.assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
-            np.testing.assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
+            assert_allclose((up - down) / (2.0 * STEP), slope[i], **near)
+            assert_allclose((up_slope - down_slope) / (2.0 * STEP), hessian[i], **loose)
+            assert_allclose((up_rest - down_rest) / (2.0 * STEP), mixed[:, i], **loose)
         for i in range(count):
             found = []
             for step in (STEP, -2.0 * STEP):
@@ -137,8 +138,8 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
                 found.append(now())
             change(scratch.block, 0, scratch.block.correction, STEP)
             put(scratch, v, True)
-            np.testing.assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
-            np.testing.assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
+            assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
+            assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case[3] and not case[2]])
@@ -156,4 +157,4 @@ def test_few_points_integrate_the_block_of_a_uniform_field(name):
         interpreted(patch.derivatives)(scratch, tri.position[v], wanted)
         found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
     for few, all_points in zip(*found, strict=True):
-        np.testing.assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())
+        assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.meshes import circle, disk, shells
+from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -145,7 +146,7 @@ def test_the_energy_that_a_moved_circle_makes_is_the_exact_one(exact, k, flux, e
     e, k = np.nonzero((elements.chain >= 0) & (elements.neighbour > np.arange(len(elements.node))[:, None]))
     x, y = position[np.stack(elements.ends(e, k))].mean(axis=0).T
     shift = shift_per_area(ritz, movable.triangulation, e, k)
-    np.testing.assert_allclose(shift, expected(np.arctan2(y, x)), atol=0.03 * shift.max(initial=1e-9))
+    assert_allclose(shift, expected(np.arctan2(y, x)), atol=0.03 * shift.max(initial=1e-9))
 
 
 def test_curved_sides_may_be_longer_by_what_a_parabola_follows_of_an_arc():
@@ -154,8 +155,6 @@ def test_curved_sides_may_be_longer_by_what_a_parabola_follows_of_an_arc():
     ritz = problem.ritz(mesh, problem.solve(mesh))
     chords, curved = (longest_on_arcs(ritz, MovableMesh.of(mesh, Rules(), bent), 0.01) for bent in (False, True))
     radius, on = np.hypot(*mesh.p), (chords > 0.0) & np.isfinite(chords)
-    np.testing.assert_allclose(
-        curved[on] ** 5 / (960 * radius[on] ** 3), chords[on] ** 3 / (12 * radius[on]), rtol=1e-9
-    )
+    assert_allclose(curved[on] ** 5 / (960 * radius[on] ** 3), chords[on] ** 3 / (12 * radius[on]), rtol=1e-9)
     missing = np.pi - area(MovableMesh.of(disk(4, 1.0), Rules(), curved=True).mesh()).sum()
     assert missing == pytest.approx(24 * (2 * np.sin(np.pi / 24)) ** 5 / 960, rel=0.03)

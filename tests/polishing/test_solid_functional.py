@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.solids import ball, box, two_regions
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTetP0, ElementTetP1, Functional, MeshTet, MeshTri
 from skfem.helpers import dot
 
@@ -163,7 +164,7 @@ def test_nodes_whose_given_values_no_formula_carries_are_held():
     values, fixed = np.where(left, y * z, 3.0 * x), left | low | centre
     before, after, *_ = freedoms(mesh, values, fixed)
     held = left | centre
-    np.testing.assert_array_equal(after, np.where(held, HELD, before))
+    assert_array_equal(after, np.where(held, HELD, before))
     assert set(before[held & ~centre]) == {HELD, ON_RIDGE, ON_PATCH}
 
 
@@ -172,12 +173,12 @@ def test_values_go_along_patches_and_ridges_at_their_rate():
     slope = np.array([2.0, -1.0, 0.5])
     values, fixed = slope @ mesh.p + 1.0, np.any((mesh.p == 0.0) | (mesh.p == 1.0), axis=0)
     before, after, functional, movable = freedoms(mesh, values, fixed)
-    np.testing.assert_array_equal(after, before)
+    assert_array_equal(after, before)
     surfaces, patches = movable.surfaces, functional.patches
     for rate, axis in zip(functional.rate[:patches], surfaces.axis, strict=True):
-        np.testing.assert_allclose(rate, slope - (slope @ axis) * axis, atol=1e-12)
+        assert_allclose(rate, slope - (slope @ axis) * axis, atol=1e-12)
     for rate, axis in zip(functional.rate[patches:], surfaces.ridge_axis, strict=True):
-        np.testing.assert_allclose(rate, (slope @ axis) * axis, atol=1e-12)
+        assert_allclose(rate, (slope @ axis) * axis, atol=1e-12)
 
 
 def test_a_face_without_a_node_of_its_own_may_be_given_or_not():
@@ -185,7 +186,7 @@ def test_a_face_without_a_node_of_its_own_may_be_given_or_not():
     _, y, z = mesh.p
     before, after, functional, movable = freedoms(mesh, y * z, (y == 0.0) | (y == 1.0))
     narrow = np.abs(movable.surfaces.axis[:, 0]) < 0.5  # the faces y, z = 0, 1 have no node that is not on an edge
-    np.testing.assert_array_equal(functional.held[: functional.patches], narrow & (movable.surfaces.axis[:, 1] != 0.0))
+    assert_array_equal(functional.held[: functional.patches], narrow & (movable.surfaces.axis[:, 1] != 0.0))
     on = (y == 0.0) | (y == 1.0)
     assert np.all(after[on] == HELD)
     assert np.array_equal(after[~on], before[~on])
@@ -195,9 +196,9 @@ def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
     mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
     fixed = np.zeros(mesh.nvertices, dtype=bool)
     before, after, *_ = freedoms(mesh, mesh.p[0], fixed, Rules(surfaces={"rim": Asked()}))
-    np.testing.assert_array_equal(after, np.where(before == INSIDE, INSIDE, HELD))
+    assert_array_equal(after, np.where(before == INSIDE, INSIDE, HELD))
     before, after, *_ = freedoms(mesh, mesh.p[0], fixed)
-    np.testing.assert_array_equal(after, before)
+    assert_array_equal(after, before)
     before, after, *_ = freedoms(box(3), box(3).p[0], np.zeros(64, dtype=bool), Rules(pinned=[21]))
     assert before[21] == after[21] == HELD
 

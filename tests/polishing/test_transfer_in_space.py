@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.solids import ball, box, cut, l_shape, two_regions
 from helpers.tetrahedra import fichera
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -41,8 +42,8 @@ def test_a_linear_function_is_carried_as_it_is(build, topology):
     for given in (rim, lambda of: of.p[0] == 0.0):
         solid, _, trial = moved_and_carried(mesh, values, given(mesh), topology)
         x, y, z = solid.tetrahedralization.position.T
-        np.testing.assert_allclose(trial.values, 2.0 + x - 3.0 * y + 0.5 * z, rtol=0.0, atol=2e-13)
-        np.testing.assert_array_equal(trial.fixed, given(solid.mesh()))
+        assert_allclose(trial.values, 2.0 + x - 3.0 * y + 0.5 * z, rtol=0.0, atol=2e-13)
+        assert_array_equal(trial.fixed, given(solid.mesh()))
 
 
 @pytest.mark.parametrize("given", [lambda x: np.ones(x.shape[1], dtype=bool), lambda x: x[2] == x[2].min()])
@@ -54,9 +55,9 @@ def test_new_nodes_on_faces_without_inner_nodes_are_given_between_given_nodes(bu
     x, y, z = solid.tetrahedralization.position.T
     new = rim(solid.mesh()) & (moved.recycled.old < 0)
     assert np.count_nonzero(new) > 10
-    np.testing.assert_array_equal(trial.fixed[new & (z == mesh.p[2].min())], True)
+    assert_array_equal(trial.fixed[new & (z == mesh.p[2].min())], True)
     wanted = (2.0 + x - 3.0 * y + 0.5 * z)[trial.fixed]
-    np.testing.assert_allclose(trial.values[trial.fixed], wanted, rtol=0.0, atol=2e-13)
+    assert_allclose(trial.values[trial.fixed], wanted, rtol=0.0, atol=2e-13)
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
@@ -65,12 +66,12 @@ def test_values_are_those_of_the_old_function_and_held_nodes_keep_their_own(topo
     values = np.random.default_rng(1).uniform(-1.0, 1.0, mesh.nvertices) * ~rim(mesh, "left")
     solid, moved, trial = moved_and_carried(mesh, values, rim(mesh, "left"), topology)
     x, number = solid.tetrahedralization.position, solid.freedom.number
-    np.testing.assert_allclose(trial.values, ka.interpolate(mesh, values, x.T), rtol=0.0, atol=1e-9)
+    assert_allclose(trial.values, ka.interpolate(mesh, values, x.T), rtol=0.0, atol=1e-9)
     old = moved.recycled.old
     assert np.all(old[number == HELD] >= 0)
-    np.testing.assert_array_equal(trial.values[number == HELD], values[old[number == HELD]])
+    assert_array_equal(trial.values[number == HELD], values[old[number == HELD]])
     assert np.all(trial.values[trial.fixed] == 0.0)  # to the last bit
-    np.testing.assert_array_equal(trial.fixed, x[:, 0] == 0.0)
+    assert_array_equal(trial.fixed, x[:, 0] == 0.0)
     assert np.any(x[number == INSIDE] != moved.before.tetrahedralization.position[old[number == INSIDE]])
 
 
@@ -81,8 +82,8 @@ def test_on_curved_surfaces_given_constants_stay(topology):
     values = np.where(rim(mesh), 7.0, np.random.default_rng(0).uniform(size=mesh.nvertices))
     solid, _, trial = moved_and_carried(mesh, values, rim(mesh), topology)
     now = rim(solid.mesh())
-    np.testing.assert_array_equal(trial.fixed, now)
-    np.testing.assert_allclose(trial.values[now], 7.0, rtol=1e-14)
+    assert_array_equal(trial.fixed, now)
+    assert_allclose(trial.values[now], 7.0, rtol=1e-14)
     assert trial.values[~now].max() < 7.0
 
 
@@ -91,8 +92,8 @@ def test_values_that_are_not_linear_stay_near_what_was_given():
     values = mesh.p[0] ** 2 + mesh.p[1]
     solid, _, trial = moved_and_carried(mesh, values, rim(mesh))
     x, number = solid.tetrahedralization.position, solid.freedom.number
-    np.testing.assert_array_equal(trial.fixed, number != INSIDE)
-    np.testing.assert_allclose(trial.values, x[:, 0] ** 2 + x[:, 1], atol=0.25**2 / 4 + 1e-12)  # of the chords
+    assert_array_equal(trial.fixed, number != INSIDE)
+    assert_allclose(trial.values, x[:, 0] ** 2 + x[:, 1], atol=0.25**2 / 4 + 1e-12)  # of the chords
 
 
 def test_what_is_given_inside_is_given_around_it_only():
@@ -124,6 +125,6 @@ def test_what_has_not_moved_is_what_it_was():
     start_element = np.zeros(mesh.nvertices, dtype=np.int32)
     start_element[mesh.t] = np.arange(mesh.nelements)
     trial = transferred_in_space(functional, solid.copy(), solid, start_element)
-    np.testing.assert_array_equal(trial.fixed, fixed)
-    np.testing.assert_allclose(trial.values, values, rtol=0.0, atol=1e-14)
+    assert_array_equal(trial.fixed, fixed)
+    assert_allclose(trial.values, values, rtol=0.0, atol=1e-14)
     assert trial.modes is None and functional.solution.values is not trial.values

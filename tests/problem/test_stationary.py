@@ -146,7 +146,7 @@ def test_a_later_pass_that_does_not_converge_ends_the_loop():
     assert result.status is ka.Status.FAILED and re.match("the solution is not stationary", str(result.error))
 
 
-@pytest.mark.parametrize(("k", "rule"), [(200.0, 8), (300.0, 6), (300.0, 3), (450.0, 1), (600.0, 8)])
+@pytest.mark.parametrize(("k", "rule"), [(300.0, 6), (450.0, 1)])
 def test_a_source_that_the_first_mesh_does_not_resolve_is_no_error(k, rule):
     mesh, problem = MeshTri().refined(5), Layer(k, rule=rule)
     result = ka.adapt(mesh, problem, passes=4)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -170,7 +171,7 @@ def test_training_points(points, message):
     som = KohonenMap(MESH)
     with pytest.raises(ValueError, match=f"^{message}"):
         som.train(points, FIRST)
-    np.testing.assert_array_equal(som.mesh.p, MESH.p)
+    assert_array_equal(som.mesh.p, MESH.p)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +225,7 @@ def test_only_ratios_of_a_density_matter(scale):
     mesh = MeshTri().refined(3)
     density = 1.0 + mesh.p[0, mesh.t].mean(axis=0)
     moved, scaled = ka.relocate(mesh, density), ka.relocate(mesh, scale * density)
-    np.testing.assert_allclose(scaled.p, moved.p, atol=1e-9)
+    assert_allclose(scaled.p, moved.p, atol=1e-9)
 
 
 @pytest.mark.filterwarnings("error")

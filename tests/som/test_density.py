@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import centres, generic_square, inset, l_shape, named, perturbed, square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -31,7 +32,7 @@ def test_the_formula(order, norm):
     q, d = (2 * order if norm == "energy" else 2 * order + 2), 2
     wanted = (eta**2 / size ** (1 + 2 * order / d)) ** (d / (d + q))
     wanted *= mesh.p.shape[1] / np.sum(size * wanted)
-    np.testing.assert_allclose(density_from_indicators(mesh, eta, order=order, norm=norm), wanted, rtol=1e-12)
+    assert_allclose(density_from_indicators(mesh, eta, order=order, norm=norm), wanted, rtol=1e-12)
 
 
 def test_for_linear_elements_it_is_the_indicator_per_area_and_for_l2_its_power_of_two_thirds():
@@ -51,7 +52,7 @@ def test_it_holds_the_number_of_nodes_in_any_unit(order, norm, unit):
     scaled = MeshTri(mesh.p * unit, mesh.t)
     rescaled = density_from_indicators(scaled, 1e-7 * eta, order=order, norm=norm)
     assert np.sum(area(mesh) * density) == pytest.approx(mesh.p.shape[1], rel=1e-12)
-    np.testing.assert_allclose(rescaled * unit**2, density, rtol=1e-10)
+    assert_allclose(rescaled * unit**2, density, rtol=1e-10)
 
 
 @pytest.mark.parametrize(("power", "share"), [(1, 1 / 2), (2, 1 / 8)])
@@ -76,20 +77,20 @@ def test_indicators_are_floored_at_a_thousandth_of_their_median():
     eta = np.ones(50)
     eta[7], eta[8], eta[9] = 0.0, 1e-9, 2e-3
     density = density_from_indicators(mesh, eta)
-    np.testing.assert_allclose(density[7:10] / density[0], [1e-3, 1e-3, 2e-3], rtol=1e-12)
+    assert_allclose(density[7:10] / density[0], [1e-3, 1e-3, 2e-3], rtol=1e-12)
 
 
 def test_mostly_zero_indicators_are_floored_by_the_median_of_the_others():
     eta = np.zeros(50)
     eta[:5] = 2.0
     density = density_from_indicators(square(5), eta)
-    np.testing.assert_allclose(density[5:] / density[0], 1e-3, rtol=1e-12)
+    assert_allclose(density[5:] / density[0], 1e-3, rtol=1e-12)
 
 
 def test_no_error_at_all_wants_a_constant():
     mesh = perturbed(square(5))
     density = density_from_indicators(mesh, np.zeros(50))
-    np.testing.assert_allclose(density, mesh.p.shape[1] / area(mesh).sum(), rtol=1e-12)
+    assert_allclose(density, mesh.p.shape[1] / area(mesh).sum(), rtol=1e-12)
 
 
 @pytest.mark.parametrize("h", [0.1, 3.0])
@@ -111,7 +112,7 @@ def test_sizes_are_edge_lengths_of_equilateral_triangles(h):
 def test_round_metrics_have_the_density_of_their_sizes(mesh):
     h = np.random.default_rng(0).uniform(1e-3, 1e3, mesh.nelements)
     density = density_from_sizes(mesh, np.eye(len(mesh.p)) / h[:, None, None] ** 2)
-    np.testing.assert_allclose(np.sqrt(np.linalg.det(density)), density_from_sizes(mesh, h), rtol=1e-13)
+    assert_allclose(np.sqrt(np.linalg.det(density)), density_from_sizes(mesh, h), rtol=1e-13)
 
 
 @pytest.mark.parametrize("mesh", [square(5), MeshTet().refined(1)], ids=["plane", "space"])
@@ -123,8 +124,8 @@ def test_a_metric_has_the_same_nodes_in_all_coordinates(mesh):
     back = np.linalg.inv(rng.normal(size=(d, d)) + 3.0 * np.eye(d))
     density, mapped = density_from_sizes(mesh, metric), density_from_sizes(mesh, back.T @ metric @ back)
     nodes = np.sqrt(np.linalg.det(density)) * np.abs(np.linalg.det(back))
-    np.testing.assert_allclose(np.sqrt(np.linalg.det(mapped)), nodes, rtol=1e-12)
-    np.testing.assert_allclose(mapped, back.T @ density @ back, rtol=1e-12)
+    assert_allclose(np.sqrt(np.linalg.det(mapped)), nodes, rtol=1e-12)
+    assert_allclose(mapped, back.T @ density @ back, rtol=1e-12)
 
 
 @pytest.mark.parametrize("number", [1, 7, 50, 1000])
@@ -190,7 +191,7 @@ def test_a_callable_is_asked_for_so_many_points_at_once_and_the_stretches_get_th
     assert max(asked) > 1000
     asked.clear()
     made = density_of(tri, function)
-    np.testing.assert_allclose(squares(made, tri) / whole, made.largest**-2 * most**2, rtol=1e-12)
+    assert_allclose(squares(made, tri) / whole, made.largest**-2 * most**2, rtol=1e-12)
     draw = made.draw(2001, np.random.default_rng(1))
     assert max(asked) <= 1000
     assert len(draw.points) == len(draw.element) == 2001
@@ -216,7 +217,7 @@ def test_a_constant_density_weighs_all_elements_alike(build):
     mesh = build()
     tri = Triangulation.of(mesh)
     for density in (np.full(mesh.t.shape[1], 7.0), lambda x: np.full(x.shape[1], 7.0)):
-        np.testing.assert_allclose(squares(density_of(tri, density), tri), 1.0, rtol=1e-12)
+        assert_allclose(squares(density_of(tri, density), tri), 1.0, rtol=1e-12)
 
 
 def test_the_weight_of_an_element_is_the_product_of_nodal_means_to_the_power_of_two_thirds():
@@ -225,7 +226,7 @@ def test_the_weight_of_an_element_is_the_product_of_nodal_means_to_the_power_of_
     tri = Triangulation.of(mesh)
     nodal = np.array([np.average(density[hit], weights=area(mesh)[hit]) for hit in around_nodes(mesh)])
     wanted = np.prod(nodal[mesh.t] / density.max(), axis=0) ** (2 / 3)
-    np.testing.assert_allclose(squares(density_of(tri, density), tri), wanted, rtol=1e-9)
+    assert_allclose(squares(density_of(tri, density), tri), wanted, rtol=1e-9)
 
 
 def test_nodal_means_do_not_mix_regions():
@@ -233,7 +234,7 @@ def test_nodal_means_do_not_mix_regions():
     density = np.ones(mesh.t.shape[1])
     density[mesh.subdomains["core"]] = 100.0
     tri = Triangulation.of(mesh)
-    np.testing.assert_allclose(squares(density_of(tri, density), tri), (density / 100.0) ** 2, rtol=1e-9)
+    assert_allclose(squares(density_of(tri, density), tri), (density / 100.0) ** 2, rtol=1e-9)
 
 
 def test_weights_follow_the_elements_that_move_through_the_density():
@@ -245,7 +246,7 @@ def test_weights_follow_the_elements_that_move_through_the_density():
     tri.position[inner, 0] += 0.04
     largest = function(centres(mesh)).max()
     wanted = (function(tri.position[tri.elements.node].mean(axis=1).T) / largest) ** 2
-    np.testing.assert_allclose(squares(made, tri), wanted, rtol=0.4)
+    assert_allclose(squares(made, tri), wanted, rtol=0.4)
     assert np.corrcoef(np.log(squares(made, tri)), np.log(wanted))[0, 1] > 0.99
 
 
@@ -258,7 +259,7 @@ def test_the_density_is_looked_up_wherever_elements_have_gone():
     tri.position[:] = [300, 1] - tri.position
     there = np.lexsort(mesh.p)[np.argsort(np.lexsort(tri.position.T))]
     wanted = np.prod(nodal[there][mesh.t] / density.max(), axis=0) ** (2 / 3)
-    np.testing.assert_allclose(squares(made, tri), wanted, rtol=1e-9)
+    assert_allclose(squares(made, tri), wanted, rtol=1e-9)
 
 
 def squares(density, tri):
@@ -277,4 +278,4 @@ def test_what_is_given_is_not_changed():
         density_from_indicators(mesh, values)
         density_from_sizes(mesh, values + 1)
         ka.relocate(mesh, values)
-        np.testing.assert_array_equal(values, before)
+        assert_array_equal(values, before)

@@ -7,6 +7,7 @@ import pytest
 from helpers.alternatives import SlowMap, barycentre, circumcentre, nearest_node, rings, slow_sweep
 from helpers.meshes import doubled_areas, generic_square, holed, inset, outline_nodes, perturbed, square
 from helpers.processes import output_with
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
@@ -63,7 +64,7 @@ def test_an_epoch_presents_every_point_once():
     (error,) = at_once.train(points, one(1, 0.4))
     errors = [by_one.train(x[:, None], one(1, 0.4))[0] for x in points.T]
     assert error == pytest.approx(np.mean(errors), rel=1e-13)
-    np.testing.assert_array_equal(at_once.mesh.p, by_one.mesh.p)
+    assert_array_equal(at_once.mesh.p, by_one.mesh.p)
 
 
 def test_the_order_in_which_points_are_given_does_not_matter():
@@ -71,7 +72,7 @@ def test_the_order_in_which_points_are_given_does_not_matter():
     points, _ = points_of(mesh, 80, 1)
     one_way, other_way = (KohonenMap(mesh) for _ in range(2))
     assert one_way.train(points, Schedule.paper()) == other_way.train(points[:, ::-1], Schedule.paper())
-    np.testing.assert_array_equal(one_way.mesh.p, other_way.mesh.p)
+    assert_array_equal(one_way.mesh.p, other_way.mesh.p)
 
 
 @pytest.mark.parametrize("radius", [0, 1, 3])
@@ -108,7 +109,7 @@ def test_each_ring_goes_its_share_of_the_way(neighbourhood):
     random_points = np.ones(4) if neighbourhood == "flat" else np.exp(-0.5 * (np.arange(4) * 1.5 / 3) ** 2)
     for ring, share in zip(nearby, random_points, strict=True):
         way = x[:, None] - mesh.p[:, ring]
-        np.testing.assert_allclose(som.mesh.p[:, ring] - mesh.p[:, ring], rate * share * way, atol=1e-15)
+        assert_allclose(som.mesh.p[:, ring] - mesh.p[:, ring], rate * share * way, atol=1e-15)
 
 
 @pytest.mark.parametrize("weight", [4.0, 1e9])
@@ -117,7 +118,7 @@ def test_learning_rate_times_weight_is_capped_at_1(weight):
     som = KohonenMap(mesh, topology="fixed", min_quality=0.0)
     som.train(x, one(0, 0.5), weights=[weight])
     winner = nearest_node(mesh.p.T, x[:, 0])[0]
-    np.testing.assert_allclose(som.mesh.p[:, winner], x[:, 0], rtol=1e-15)
+    assert_allclose(som.mesh.p[:, winner], x[:, 0], rtol=1e-15)
 
 
 def test_weights_multiply_the_learning_rate():
@@ -125,7 +126,7 @@ def test_weights_multiply_the_learning_rate():
     halved, weighted = (KohonenMap(mesh, topology="fixed") for _ in range(2))
     halved.train(x, one(1, 0.25))
     weighted.train(x, one(1, 0.5), weights=[0.5])
-    np.testing.assert_array_equal(halved.mesh.p, weighted.mesh.p)
+    assert_array_equal(halved.mesh.p, weighted.mesh.p)
     assert not moved_nodes(mesh, still(mesh, x))
 
 
@@ -239,7 +240,7 @@ def test_nothing_that_is_given_is_changed():
     som.train(points, Schedule.paper((1, 1, 1)), weights=weights)
     result = som.mesh
     for old, new in zip(before, [mesh.p, mesh.t, points, weights, mesh.subdomains["core"]], strict=True):
-        np.testing.assert_array_equal(old, new)
+        assert_array_equal(old, new)
     assert not np.shares_memory(result.p, mesh.p)
     assert not np.shares_memory(result.p, som.mesh.p)
     result.p[:] = 0
@@ -267,4 +268,4 @@ def arrays_with(**variables):
 @pytest.mark.slow
 def test_kernels_do_the_same_as_plain_python():
     for compiled, plain in zip(arrays_with(), arrays_with(NUMBA_DISABLE_JIT="1"), strict=True):
-        np.testing.assert_allclose(plain, compiled, rtol=1e-9, atol=1e-9)  # numpy's exp and libm's differ in a bit
+        assert_allclose(plain, compiled, rtol=1e-9, atol=1e-9)  # numpy's exp and libm's differ in a bit

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.solids import box, volumes
+from numpy.testing import assert_array_equal
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
@@ -54,7 +55,7 @@ def test_the_error_is_the_mean_distance_to_the_nearest_nodes_and_falls():
     mean = cKDTree(mesh.p.T).query(points.T)[0].mean()
     som = KohonenMap(mesh, topology="fixed")
     assert som.train(points, Schedule((Stage(0, 2, NOTHING),))) == pytest.approx([mean] * 2, rel=1e-13)
-    np.testing.assert_array_equal(som.mesh.p, mesh.p)
+    assert_array_equal(som.mesh.p, mesh.p)
     for topology in ("fixed", "flip"):
         som = KohonenMap(mesh, topology=topology, min_quality=0.1)
         errors = som.train(points, Schedule.paper())

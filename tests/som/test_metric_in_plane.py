@@ -5,6 +5,7 @@ import pytest
 from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -31,11 +32,11 @@ def in_metric(mesh, tensor):
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.1])
-@pytest.mark.parametrize("ratio", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("ratio", [2.0, 8.0])
 def test_elements_are_regular_in_a_constant_metric(ratio, angle):
     tensor = turned(ratio, angle)
     qualities = []
-    for seed in range(5):
+    for seed in range(3):
         mesh = MESH
         for _ in range(2):
             mesh = ka.relocate(mesh, everywhere(mesh, tensor), topology="recycle", seed=seed)
@@ -51,8 +52,8 @@ def test_round_tensors_give_the_bits_of_their_density(topology, schedule):
     by_density, by_tensors = (
         ka.relocate(MESH, wanted, topology=topology, schedule=schedule) for wanted in (density, tensors)
     )
-    np.testing.assert_array_equal(by_tensors.p, by_density.p)
-    np.testing.assert_array_equal(by_tensors.t, by_density.t)
+    assert_array_equal(by_tensors.p, by_density.p)
+    assert_array_equal(by_tensors.t, by_density.t)
 
 
 def test_a_function_may_return_tensors():
@@ -76,5 +77,5 @@ def test_the_winner_is_the_nearest_node_in_the_metric_of_the_point(seed):
     found, distances = trainer.search(Draw(points, region, region, np.ones(count), shape), start)
     offset = movable.triangulation.position[None] - points[:, None]
     squared = np.einsum("tni,tij,tnj->tn", offset, unpacked(shape), offset)
-    np.testing.assert_allclose(distances, np.sqrt(squared.min(axis=1)), rtol=1e-12)
-    np.testing.assert_allclose(squared[np.arange(count), found], squared.min(axis=1), rtol=1e-12)
+    assert_allclose(distances, np.sqrt(squared.min(axis=1)), rtol=1e-12)
+    assert_allclose(squared[np.arange(count), found], squared.min(axis=1), rtol=1e-12)

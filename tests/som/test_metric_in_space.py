@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.solids import box, two_regions, volumes
 from helpers.tetrahedra import thrown
+from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
 
 import kohonen_adapt as ka
@@ -49,8 +50,8 @@ def test_round_tensors_give_the_mesh_of_the_density(topology, schedule):
     level = np.round(2.0 * x[0] + x[2])
     wanted, tensors = 8.0**level, 4.0 ** level[:, None, None] * np.eye(3)  # powers of two, whose roots are exact
     plain, by_tensors = (ka.relocate(mesh, d, topology=topology, schedule=schedule) for d in (wanted, tensors))
-    np.testing.assert_array_equal(plain.p, by_tensors.p)
-    np.testing.assert_array_equal(plain.t, by_tensors.t)
+    assert_array_equal(plain.p, by_tensors.p)
+    assert_array_equal(plain.t, by_tensors.t)
 
 
 def test_a_rotation_of_mesh_and_metric_changes_little():

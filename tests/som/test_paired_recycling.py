@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import peak_at, square
+from numpy.testing import assert_array_equal
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
@@ -74,9 +75,9 @@ def test_pairs_match_after_every_change(world, target):
     assert now.p.shape[1] == nodes == len(x) + done.splits - done.collapses
     periodic, constraints = movable.constraints.periodic, movable.constraints
     v = np.flatnonzero((constraints.kind == SLIDING) & (periodic.partner >= 0))
-    np.testing.assert_array_equal(periodic.partner[periodic.partner[v]], v)
-    np.testing.assert_array_equal(periodic.motion[periodic.partner[v]], periodic.motion[v] ^ 1)
-    np.testing.assert_array_equal(constraints.parameter[periodic.partner[v]], constraints.parameter[v])
+    assert_array_equal(periodic.partner[periodic.partner[v]], v)
+    assert_array_equal(periodic.motion[periodic.partner[v]], periodic.motion[v] ^ 1)
+    assert_array_equal(constraints.parameter[periodic.partner[v]], constraints.parameter[v])
     assert ka.quality(now).min() >= 0.3
     old = done.old >= 0
     assert len(np.unique(done.old[old])) == old.sum()

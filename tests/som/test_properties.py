@@ -8,6 +8,7 @@ from helpers.random_solids import cut
 from helpers.scalar_problems import Scalar
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import Delaunay
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -135,7 +136,7 @@ def test_area_outline_names_orientation_and_quality_are_kept(mover, case):
     old, new = Triangulation.of(mesh), Triangulation.of(result)
     assert areas_of(new).min() > 0
     areas_of_regions = [np.sort(np.bincount(each.elements.region, areas_of(each))) for each in (old, new)]
-    np.testing.assert_allclose(*areas_of_regions, rtol=1e-12, atol=rounding(mesh) * size_of(mesh))
+    assert_allclose(*areas_of_regions, rtol=1e-12, atol=rounding(mesh) * size_of(mesh))
     if options["topology"] == "fixed":
         assert np.array_equal(old.elements.region, new.elements.region)
     names_are_kept(mesh, result)
@@ -167,8 +168,8 @@ def test_a_mesh_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly_and_a_see
     mesh, density, options = case
     plain, again, scaled = (MOVERS[mover](m, density, options) for m in (mesh, mesh, mesh.scaled(2.0**k)))
     assert (plain.p.tobytes(), plain.t.tobytes()) == (again.p.tobytes(), again.t.tobytes())
-    np.testing.assert_array_equal(scaled.p, plain.p * 2.0**k)
-    np.testing.assert_array_equal(scaled.t, plain.t)
+    assert_array_equal(scaled.p, plain.p * 2.0**k)
+    assert_array_equal(scaled.t, plain.t)
 
 
 @examples(90)
@@ -205,7 +206,7 @@ def names_are_kept(mesh, result):
         assert isinstance(kept, OrientedBoundary) == isinstance(rows, OrientedBoundary)
         if isinstance(rows, OrientedBoundary):
             atol = 1e-12 * max(1.0, size_of(mesh)) ** 2
-            np.testing.assert_allclose(weighted_normal(result, kept), weighted_normal(mesh, rows), atol=atol)
+            assert_allclose(weighted_normal(result, kept), weighted_normal(mesh, rows), atol=atol)
 
 
 def size_of(mesh):

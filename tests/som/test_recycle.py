@@ -15,6 +15,7 @@ from helpers.meshes import (
     slit,
     square,
 )
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -96,7 +97,7 @@ def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
     sliding = constraints.kind == SLIDING
     chain, table = constraints.own_chain[sliding], constraints.chains
     looked_up = table.origin[chain] + constraints.parameter[sliding, None] * table.direction[chain]
-    np.testing.assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
+    assert_allclose(looked_up, ours.position[sliding], atol=1e-15)
 
 
 def edges_on_chains(triangulation):

@@ -21,6 +21,7 @@ from helpers.meshes import (
 )
 from helpers.scalar_problems import Corner
 from helpers.stand_ins import Script
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
@@ -71,8 +72,8 @@ def test_what_scikit_fem_brings_from_gmsh_is_no_region():
     extra = {**mesh.subdomains, "gmsh:bounding_entities": np.array([1, 2, 90, 3000])}
     loaded = MeshTri(mesh.p, mesh.t, None, extra)
     result = ka.relocate(loaded, pull(mesh))
-    np.testing.assert_array_equal(result.p, ka.relocate(mesh, pull(mesh)).p)
-    np.testing.assert_array_equal(result.subdomains["gmsh:bounding_entities"], extra["gmsh:bounding_entities"])
+    assert_array_equal(result.p, ka.relocate(mesh, pull(mesh)).p)
+    assert_array_equal(result.subdomains["gmsh:bounding_entities"], extra["gmsh:bounding_entities"])
 
 
 @pytest.mark.parametrize("kind", BUILDS)
@@ -83,7 +84,7 @@ def test_no_epochs_and_no_sweeps_move_no_node(kind):
         assert same.p.tobytes() == mesh.p.tobytes()
         assert same.t.tobytes() == mesh.t.tobytes()
         for name, rows in (mesh.boundaries or {}).items():
-            np.testing.assert_array_equal(np.asarray(same.boundaries[name]), np.sort(rows))
+            assert_array_equal(np.asarray(same.boundaries[name]), np.sort(rows))
             assert (
                 getattr(same.boundaries[name], "ori", np.zeros(0)).tolist()
                 == getattr(rows, "ori", np.zeros(0)).tolist()
@@ -105,7 +106,7 @@ def test_the_global_random_state_has_no_say():
     np.random.seed(2)  # noqa: NPY002
     state = np.random.get_state()[1].copy()  # noqa: NPY002
     assert ka.relocate(mesh, pull(mesh)).p.tobytes() == first.p.tobytes()
-    np.testing.assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
+    assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
 
 
 @TOPOLOGIES
@@ -116,7 +117,7 @@ def test_a_mesh_translated_gives_the_translated_mesh(way, kind, topology):
     plain = ka.relocate(mesh, pull(mesh), topology=topology)
     moved = ka.relocate(mesh.translated(way), pull(mesh), topology=topology)
     assert np.abs(moved.p - np.array(way)[:, None] - plain.p).max() < 1e-9
-    np.testing.assert_array_equal(moved.t, plain.t)
+    assert_array_equal(moved.t, plain.t)
 
 
 def turned(mesh, density, seed):
@@ -140,7 +141,7 @@ def renumbered(mesh, density, seed):
 @pytest.mark.parametrize("kind", ["delaunay", "l"])
 @pytest.mark.parametrize("change", [turned, mirrored, renumbered])
 def test_a_mesh_turned_mirrored_or_renumbered_gives_one_of_the_same_worth(change, kind, topology):
-    np.testing.assert_allclose(typical_worth(kind, topology, change), typical_worth(kind, topology), rtol=0.05)
+    assert_allclose(typical_worth(kind, topology, change), typical_worth(kind, topology), rtol=0.05)
 
 
 @cache
@@ -255,7 +256,7 @@ def test_meshes_with_hardly_a_node_to_move(mesh, topology):
     corners = np.flatnonzero(np.all((mesh.p == 0) | (mesh.p == 1), axis=0))
     assert {tuple(x) for x in mesh.p[:, corners].T} <= {tuple(x) for x in result.p.T}
     if mesh.p.shape[1] <= 4:
-        np.testing.assert_array_equal(result.p, mesh.p)
+        assert_array_equal(result.p, mesh.p)
 
 
 def test_a_mesh_whose_nodes_all_lie_on_the_outline_slides_along_it():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from kohonen_adapt import Schedule, Stage
 
@@ -20,7 +21,7 @@ def test_the_papers_schedule():
 def test_the_papers_rate_falls_geometrically_over_all_epochs_together(epochs):
     schedule = Schedule.paper(epochs, (0.5, 0.01))
     rates = np.concatenate([stage.rates() for stage in schedule.stages])
-    np.testing.assert_allclose(rates, np.geomspace(0.5, 0.01, sum(epochs)), rtol=1e-12)
+    assert_allclose(rates, np.geomspace(0.5, 0.01, sum(epochs)), rtol=1e-12)
     assert [stage.epochs for stage in schedule.stages] == [count for count in epochs if count]
 
 
@@ -39,7 +40,7 @@ def test_neighbourhoods():
     assert Stage(3, 1, 0.3, neighbourhood="flat").strength().tolist() == [1, 1, 1, 1]
     assert Stage(0, 1, 0.3).strength().tolist() == [1]
     ring = np.arange(5)
-    np.testing.assert_allclose(Stage(4, 1, 0.3).strength(), np.exp(-(ring**2) / (2 * (4 / 1.5) ** 2)), rtol=1e-14)
+    assert_allclose(Stage(4, 1, 0.3).strength(), np.exp(-(ring**2) / (2 * (4 / 1.5) ** 2)), rtol=1e-14)
 
 
 @pytest.mark.parametrize(("nnodes", "widest"), [(4, 2), (100, 4), (833, 16), (3201, 32), (12545, 64)])

@@ -8,6 +8,7 @@ from helpers.parted import Load
 from helpers.random_solids import flat_solids, round_solids
 from helpers.solids import volumes
 from hypothesis import given
+from numpy.testing import assert_allclose
 from skfem import Basis, ElementTetP2
 from skfem.generic_utils import OrientedBoundary
 
@@ -64,14 +65,14 @@ def test_volume_outline_names_orientation_and_quality_are_kept(mover, case):
     size = rounding(mesh) * np.ptp(mesh.p, axis=1).max() ** 2
     old, new = Tetrahedralization.of(mesh), Tetrahedralization.of(result)
     by_region = [np.sort(np.bincount(tet.elements.region[tet.used], tet.volumes())) for tet in (old, new)]
-    np.testing.assert_allclose(*by_region, rtol=1e-12, atol=size)
+    assert_allclose(*by_region, rtol=1e-12, atol=size)
     for name, rows in (mesh.subdomains or {}).items():
         assert abs(volume_of(result, result.subdomains[name]) - volume_of(mesh, rows)) <= 1e-12 * volume_of(mesh) + size
     for name, rows in (mesh.boundaries or {}).items():
         faces_are_kept(mesh, result, rows, result.boundaries[name])
         if isinstance(rows, OrientedBoundary):
             atol = 1e-12 * max(1.0, np.abs(mesh.p).max()) ** 3
-            np.testing.assert_allclose(normals(result, result.boundaries[name]), normals(mesh, rows), atol=atol)
+            assert_allclose(normals(result, result.boundaries[name]), normals(mesh, rows), atol=atol)
     faces_are_kept(mesh, result, mesh.boundary_facets(), result.boundary_facets())
 
 

@@ -21,6 +21,7 @@ from helpers.meshes import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -98,7 +99,7 @@ def test_points_are_shared_by_the_elements_of_their_region_around_their_winner(k
     for v, r, weight in zip(winners, region, weights, strict=True):
         around = np.any(tri.elements.node == v, axis=1) & (tri.elements.region == r)
         slow[around] += weight / around.sum()
-    np.testing.assert_allclose(mass, slow, rtol=1e-13)
+    assert_allclose(mass, slow, rtol=1e-13)
     assert mass.sum() == pytest.approx(weights.sum(), rel=1e-13)
 
 
@@ -109,7 +110,7 @@ def test_smoothing_is_the_mean_of_the_neighbours():
     smooth_moves(tri.star, constraints, move, 0, tri.nnodes, smoothed)
     for v in np.flatnonzero(constraints.kind == FREE):
         others = np.setdiff1d(tri.elements.node[np.any(tri.elements.node == v, axis=1)], [v])
-        np.testing.assert_allclose(smoothed[v], move[others].mean(axis=0), rtol=1e-12)
+        assert_allclose(smoothed[v], move[others].mean(axis=0), rtol=1e-12)
     on_outline = constraints.kind != FREE
     x, y = tri.position[on_outline].T
     assert np.all(smoothed[on_outline, 0][(x == 0) | (x == 1)] == 0)
@@ -147,7 +148,7 @@ def test_flow_balances_what_clusters_ask_for():
     flux, balance = conductance * (height[column] - height[row]), np.zeros(7)
     np.add.at(balance, column, flux)
     np.add.at(balance, row, -flux)
-    np.testing.assert_allclose(balance, inflow, atol=1e-6 * np.abs(inflow).max())
+    assert_allclose(balance, inflow, atol=1e-6 * np.abs(inflow).max())
 
 
 def test_a_part_in_which_no_point_fell_asks_for_nothing():
@@ -201,7 +202,7 @@ def test_around_what_stands_still_nodes_are_the_slower_the_nearer_they_are():
         slow_down(tri.position, ahead, np.zeros(n), node, tri.star, constraints, spoiled, ring, np.empty(n, np.int32))
         distance = np.minimum(distance, edges_from(node, node[spoiled].ravel(), n))
         expected = tri.position + (free * distance / rings)[:, None] * [0.5, 0.25]
-        np.testing.assert_allclose(ahead, expected, atol=1e-15)
+        assert_allclose(ahead, expected, atol=1e-15)
         assert np.array_equal(ring, distance)
 
 
@@ -281,7 +282,7 @@ def test_pinned_nodes_stay_and_with_them_their_partners():
     right = np.flatnonzero((mesh.p[0] == 1.0) & np.isin(mesh.p[1], mesh.p[1, left]))
     assert np.array_equal(after.p[:, [*held, *right]], mesh.p[:, [*held, *right]])
     sides = [np.flatnonzero(mesh.p[0] == at) for at in (0.0, 1.0)]
-    np.testing.assert_array_equal(*(after.p[1, nodes[np.argsort(mesh.p[1, nodes])]] for nodes in sides))
+    assert_array_equal(*(after.p[1, nodes[np.argsort(mesh.p[1, nodes])]] for nodes in sides))
     assert not np.array_equal(after.p[:, sides[0]], mesh.p[:, sides[0]])
 
 
@@ -305,7 +306,7 @@ def test_a_round_of_an_unguarded_map_goes_all_the_way():
     start = tri.position.copy()
     transport.carry(shown, winners)
     free = movable.constraints.kind == FREE
-    np.testing.assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
+    assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
 
 
 def test_clusters_whose_centres_coincide_exchange_nodes():
@@ -345,7 +346,7 @@ def test_pairs_are_carried_along(topology):
     for one, other in periodic:
         along = 1 - SIDES[one][0]
         places = [np.sort(found.p[along, np.unique(found.facets[:, found.boundaries[name]])]) for name in (one, other)]
-        np.testing.assert_array_equal(*places)
+        assert_array_equal(*places)
         assert np.abs(places[0] - np.linspace(0.0, 1.0, 25)).max() > 0.02
     left = np.unique(found.facets[:, found.boundaries["left"]])
     assert np.median(np.abs(found.p[1, left] - 0.3)) < 0.95 * np.median(np.abs(np.linspace(0.0, 1.0, 25) - 0.3))
