@@ -15,9 +15,11 @@ from kohonen_adapt import warmup
 # By the clock nothing fails: a busy machine, or one that has to compile first, is no fault of the code.
 STEADY = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 
-# The same examples in every run, so that a red suite means a change, and few; `--hypothesis-profile=fresh` looks for
-# many new ones, `=ten-thousand` for so many of relocated tetrahedra (`tests/som/test_space_properties.py`).
+# The same examples in every run, so that a red suite means a change, and few: `.ci/run` has more of these by
+# `--hypothesis-profile=hundred`. `=fresh` looks for many new ones, `=ten-thousand` for so many of relocated tetrahedra
+# (`tests/som/test_space_properties.py`).
 settings.register_profile("steady", max_examples=40, derandomize=True, **STEADY)
+settings.register_profile("hundred", max_examples=100, derandomize=True, **STEADY)
 settings.register_profile("fresh", max_examples=1000, print_blob=True, **STEADY)
 settings.register_profile("ten-thousand", max_examples=19_300, print_blob=True, **STEADY)
 settings.load_profile("steady")

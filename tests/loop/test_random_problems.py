@@ -22,9 +22,11 @@ SEEDS = st.integers(0, 2**32 - 1)
 RESUMED = 3  # one of so many cases is killed and resumed
 
 
-@pytest.mark.parametrize("problem", [plane_problem, space_problem])
-def test_of_a_device(problem):
-    checked(*problem(RESUMED))
+@pytest.mark.parametrize("draw", [plane_problem, space_problem])
+def test_of_a_device(draw):
+    mesh, problem, options, radii = draw(1)
+    assert options["seed"] % RESUMED == 0
+    checked(mesh, problem, options, radii)
 
 
 @pytest.mark.slow
