@@ -205,9 +205,8 @@ NOT_ROUND = {
 }
 
 
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
 @pytest.mark.parametrize("kind", NOT_ROUND)
-def test_nodes_of_what_is_no_circle_stay_bit_for_bit(kind, topology):
+def test_nodes_of_what_is_no_circle_stay_bit_for_bit(kind):
     mesh = NOT_ROUND[kind]()
     assert len(circles(mesh)) == 0
     kept = outline_of(mesh).constraints.kind == HELD
@@ -215,7 +214,7 @@ def test_nodes_of_what_is_no_circle_stay_bit_for_bit(kind, topology):
     bent = kept & rim
     assert np.sum(bent) >= 8
     x, y = mesh.p[:, np.flatnonzero(bent)[3]]
-    result = ka.relocate(mesh, peak(mesh, x, y, 300, 0.3), topology=topology)
+    result = ka.relocate(mesh, peak(mesh, x, y, 300, 0.3))
     assert np.array_equal(result.p[:, bent], mesh.p[:, bent])
     assert np.any(result.p != mesh.p)
 
@@ -316,7 +315,7 @@ def test_an_ellipse_loses_its_sagittas_only(topology):
     """The affine map that makes it a circle tells which area each facet cuts off."""
     build, curves_for = GIVEN["ellipses"]
     mesh = build()
-    for number in range(10):
+    for number in range(4):
         mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves_for(mesh))
     exact = 0.0
     for name, a, sign in (("outer", 2.0, 1), ("inner", 1.0, -1)):

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from helpers.meshes import disk, ring, shells
-from helpers.solids import ball, boundary_facts, box, cut, extruded, named, scramble, split_edge
+from helpers.solids import ball, box, cut, extruded
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import Delaunay
 from skfem import MeshTet, MeshTet2, MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -322,44 +321,6 @@ def test_the_farthest_surface_of_a_body_without_names_is_told_by_its_place():
     said = MovableSolid.of(ball(4, 2.0), Rules()).farthest_part()
     place = np.array(re.fullmatch(r"one without a name, with a face near \((.*)\)", said)[1].split(", "), dtype=float)
     assert 1.5 < np.linalg.norm(place) < 2.0
-
-
-def wrapped(surface):
-    """A bar of one region with a round sheet in it, which looks outward."""
-    mesh = extruded(disk(4, 1.0), 4)
-    middle = mesh.p[:, mesh.facets]
-    sheet = np.flatnonzero(np.all(np.abs(np.hypot(middle[0], middle[1]) - 0.5) < 1e-9, axis=0))
-    inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1))[mesh.f2t[0, sheet]] < 0.5
-    oriented = named(mesh, {"sheet": OrientedBoundary(sheet, (~inside).astype(np.int32))})
-    return oriented, Rules(surfaces={"sheet": surface} if surface else None)
-
-
-class OwnCylinder:
-    """The same as a `ka.Cylinder`, as a class of a user's."""
-
-    def project(self, x):
-        return ka.Cylinder((0, 0, 0), (0, 0, 1), 0.5).project(x)
-
-
-@pytest.mark.parametrize("surface", [None, OwnCylinder()], ids=["recognised", "told"])
-def test_a_round_sheet_in_a_region_keeps_its_sides(surface):
-    mesh, rules = wrapped(surface)
-    solid = MovableSolid.of(mesh, rules)
-    assert np.sum(solid.surfaces.shape == CYLINDER) == (1 if surface else 2)
-    scramble(solid)
-    assert boundary_facts(solid.mesh()) == boundary_facts(mesh)
-    elements = solid.tetrahedralization.elements
-    (sheet,) = np.flatnonzero(solid.patches.names["sheet"])
-    for _ in range(10):
-        e, k = (rows[0] for rows in np.nonzero(solid.tetrahedralization.elements.patch == sheet))
-        a, b = np.delete(solid.tetrahedralization.elements.node[e], k)[:2].tolist()
-        split_edge(solid, a, b)
-    again = solid.mesh()
-    rows = again.boundaries["sheet"]
-    assert len(rows) > np.sum(elements.patch == sheet) // 2
-    side = again.p[:, again.t[:, again.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1)
-    facet = again.p[:, again.facets[:, np.asarray(rows)]].mean(axis=1)
-    assert np.all(np.hypot(*side[:2]) < np.hypot(*facet[:2]))
 
 
 OWN = Rules(surfaces={"rim": Ellipsoid()}, min_quality=0.0)

@@ -2,18 +2,14 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import apart, circle, shells, without_flat_elements
+from helpers.meshes import apart, circle, shells
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
-from scipy.spatial import Delaunay
-from skfem import MeshTri
 from test_arcs import circles, outline_of
 from test_coarse_arcs import polygon
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.triangle.arrays import HELD, ROUND
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
 RADII = 0.5, 1.0, 2.0, 3.0
 
@@ -220,44 +216,3 @@ def test_coarser_ones_are_named_with_the_remedy(caplog):
 def test_nothing_is_said_of_round_ones_and_of_hexagons(mesh, caplog):
     ka.relocate(mesh, np.ones(mesh.t.shape[1]))
     assert not any("nodes on a circle of radius" in message for message in caplog.messages)
-
-
-def filled(mesh, n):
-    """Such a mesh with its hole meshed, too, as the region "bore"."""
-    ticks = np.linspace(-0.45, 0.45, 9)
-    inside = np.stack(np.meshgrid(ticks, ticks)).reshape(2, -1)
-    inside = inside[:, np.hypot(*inside) < 0.46]
-    p, t = np.hstack([mesh.p, inside]), Delaunay(np.hstack([mesh.p[:, :n], inside]).T).simplices.T
-    t = np.where(t >= n, t - n + mesh.p.shape[1], t)
-    core = np.arange(mesh.t.shape[1], mesh.t.shape[1] + t.shape[1])
-    whole = without_flat_elements(p, np.hstack([mesh.t, t]))
-    rim = whole.facets_satisfying(lambda x: np.hypot(*x) > 2.9, boundaries_only=True)
-    return MeshTri(whole.p, whole.t, {"rim": rim}, mesh.subdomains | {"bore": core})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("facets", [1, 2, 3])
-def test_the_field_in_a_ring_of_magnets(facets):
-    """At 1c0817b8 it was .34 % off with one facet per sector, and .08 % told."""
-    count = 32
-    mesh = filled(segmented(circle(facets * count, -np.pi / count), facets * np.arange(count)), facets * count)
-    angle = 2 * np.pi * np.arange(count) / count
-    parts = {f"b{k}": Material(remanence=tuple(1.2 * at(2 * a))) for k, a in enumerate(angle)}
-    problem = Magnetostatics(parts | {name: Material() for name in ("a", "bore", "c")}, open_boundary="rim")
-    result = ka.adapt(mesh, problem, rtol=1e-3)
-    exact = 1.2 * np.log(2) * np.sin(2 * np.pi / count) / (2 * np.pi / count)
-    assert result.status == "converged"
-    assert np.hypot(*result.solution.flux_density_at(np.zeros((2, 1))))[0] == pytest.approx(exact, rel=1e-4)
-
-
-@pytest.mark.parametrize("facets", [1, 2])
-def test_the_field_in_a_cylinder_that_is_cut_on_both_sides(facets):
-    """A cylinder of permeability 5 in a uniform field of 1 T; every sector has its own name, in it and around it."""
-    count, mu = 16, 5.0
-    corners = facets * np.arange(count)
-    mesh = filled(segmented(circle(facets * count, 0.1), corners, cut=(0, 1)), facets * count)
-    share = (mu - 1) / (mu + 1)
-    parts = {name: Material(permeability=mu if name[0] == "a" or name == "bore" else 1.0) for name in mesh.subdomains}
-    problem = Magnetostatics(parts, potential={"rim": lambda x: x[1] * (1 + share / np.sum(x**2, axis=0))})
-    field = ka.adapt(mesh, problem, rtol=1e-3).solution
-    assert_allclose(field.flux_density_at(np.zeros((2, 1)))[:, 0], [1 + share, 0], atol=2e-4)

@@ -122,26 +122,6 @@ def set_elements(solid, own, node, region, patch):
     solid.set_arrays({**own, **{f"tetrahedra.{name}": array for name, array in elements.items()}})
 
 
-def split_edge(solid, a, b):
-    """Put a node into the middle of an edge, held there, in place."""
-    state, tetrahedra = solid.state(), solid.tetrahedralization.elements
-    position = state["position"]
-    own = {
-        "position": np.vstack([position, position[[a, b]].mean(axis=0)]),
-        "shape": np.vstack([state["shape"], state["shape"][[a]]]),
-        "freedom.number": np.append(state["freedom.number"], np.int8(0)),
-        "freedom.place": np.append(state["freedom.place"], np.int32(-1)),
-        "freedom.pinned": np.append(state["freedom.pinned"], False),
-    }
-    at = np.flatnonzero(np.any(tetrahedra.node == a, axis=1) & np.any(tetrahedra.node == b, axis=1))
-    node, patch = (np.concatenate([array, array[at]]) for array in (tetrahedra.node, tetrahedra.patch))
-    for rows, lost, other in ((at, b, a), (np.arange(len(at)) + len(tetrahedra.node), a, b)):
-        k, opposite = (np.argmax(node[rows] == v, axis=1) for v in (lost, other))
-        node[rows, k] = len(position)
-        patch[rows, opposite] = -1  # the face between the halves
-    set_elements(solid, own, node, np.concatenate([tetrahedra.region, tetrahedra.region[at]]), patch)
-
-
 def extruded(flat, layers=2, height=1.0):
     """A plane mesh drawn along z, each prism in three tetrahedra."""
     n, corners = flat.p.shape[1], np.sort(flat.t, axis=0)

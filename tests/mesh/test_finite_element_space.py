@@ -149,15 +149,6 @@ def test_a_uniform_field_along_the_axis_is_exact(space):
     close(slope, np.stack([2.0 * space.points[0], 0.0 * slope[1]]), 1e-11)
 
 
-def test_linear_functions_have_their_gradients(space):
-    values = np.arange(space.corners.p.shape[1]) % 7 - 3.0
-    middle = space.slope_of_corners_at(values, space.element, space.points)
-    close(space.slope_of_corners(values), middle, 1e-8)
-    if not space.curved.any():
-        close(np.einsum("ik,cik->ck", values[space.corners.t], space.hats)[:, space.element], middle)
-        assert space.dim == 2 or space.hats_of_corners is None
-
-
 def test_loads_at_points_act_on_all_functions_alike(space):
     rng, u = np.random.default_rng(4), values_of(space)
     if space.dim == 3 and space.curved.any():
@@ -251,19 +242,6 @@ def test_masses_around_an_axis_have_the_factor_of_the_radius(order):
     u = space.doflocs[0, space.on_facets(facets)] ** 2
     total = np.einsum("if,jf,ijf->", u, u, space.products_on(facets, np.ones(facets.size)))
     assert total == pytest.approx(1.0 + 2.0 / 4.0, rel=1e-12)  # int r^3 along both ends, and 1 at r = 1
-
-
-@pytest.mark.parametrize("curved", [False, True])
-def test_functions_of_order_one_are_among_those_of_order_two(curved):
-    space = Space(solid(curved), 2)
-    nnodes, count = space.corners.p.shape[1], space.doflocs.shape[1]
-    free = np.setdiff1d(np.arange(count), np.unique(space.on_facets(space.corners.boundary_facets()[::3])))
-    prolongation = space.stiffness(np.ones(space.weights.size), free).subspaces.prolongation
-    coarse = np.zeros(nnodes)
-    nodes_of = free[free < nnodes]
-    coarse[nodes_of] = np.random.default_rng(5).normal(size=nodes_of.size)
-    whole = np.concatenate((coarse, coarse[space.corners.edges].mean(axis=0)))
-    close(prolongation @ coarse[nodes_of], whole[free], 1e-15)
 
 
 def test_tetrahedra_of_order_one_have_four_points_if_a_field_varies():
