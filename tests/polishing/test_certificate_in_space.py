@@ -16,8 +16,10 @@ from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, POSITION, Constraints
+from kohonen_adapt.kernels.tetrahedron import swap
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, POSITION, Constraints, Queue
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
+from kohonen_adapt.kernels.tetrahedron.polish import swap_order2
 from kohonen_adapt.kernels.tetrahedron.polish.star import derivatives_order2, number_star, star_of_order_1
 from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 from kohonen_adapt.mesh.host import count_unknowns
@@ -267,3 +269,30 @@ def test_nothing_is_split_between_nodes_given_inside():
     assert len(e) and not np.any(at.trial.fixed[ends].all(axis=1))
     at.recycle()
     assert at.handed_back()[2].sum() == line.sum()
+
+
+def test_the_removal_of_an_edge_makes_the_best_of_all_triangulations():
+    """Inside a region at order 2: of those that leave good elements, each with its edges at their best."""
+    removed, rows = 0, [(e, edge) for e in range(60) for edge in range(6)]
+    _, at = started("linear 2")
+    for e, edge in rows:
+        mesh, (trial, quadratic), queue = at.mesh, at.descent.function(), Queue.of(len(at.mesh.elements.node))
+        a, b, rings = interpreted(swap.shells_around)(mesh, queue, e, edge)
+        if not 3 < rings[0] <= swap_order2.LONGEST or rings[4] >= 0:
+            continue
+        floor, falls = min(FLOOR**3, interpreted(swap.add_shells)(mesh, rings)), []
+        _, now, _ = interpreted(swap_order2.energy_of_old)(mesh, quadratic, mesh.cavity.old, rings[1], a, b)
+        for first in range(swap_order2.COUNTS[rings[0]]):
+            new = interpreted(swap_order2.write_rings)(mesh, a, b, rings, first, 0)
+            if interpreted(swap_order2.are_above)(mesh, new, floor):
+                known = interpreted(swap_order2.list_edges)(mesh, quadratic, rings[1])
+                energy = interpreted(swap_order2.energy_of_rings)(mesh, quadratic, known, new, a, b, rings)[0]
+                falls.append(now - energy)
+        closed, rule = np.zeros(len(mesh.surfaces.shape), dtype=bool), (np.inf, FLOOR**3, 0.0)
+        made, gain = interpreted(swap.remove_edge)(mesh, trial, quadratic, queue, closed, rule, e, edge)
+        if made:
+            assert gain == pytest.approx(max(falls), rel=1e-9)
+            removed, at = removed + 1, started("linear 2")[1]
+        if removed > 8:
+            break
+    assert removed > 8
