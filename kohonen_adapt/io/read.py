@@ -31,8 +31,10 @@ READERS: dict[str, Reader] = {**CURVED, **dict.fromkeys(FORMATS, read_content), 
 
 BY_GMSH = (".unv", ".cgns", ".bdf", ".nas", ".neu", ".p3d", ".diff", ".stl")
 BY_MESHIO = (".e", ".ex2", ".exo", ".avs", ".ugrid", ".f3grid", ".dat", ".tec", ".post")
+DRAWINGS = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 REMEDIES = {
     ".fem": " This is a model of FEMM: analyse it there, and read the solution, the .ans file beside it.",
+    **dict.fromkeys(DRAWINGS, " This is a drawing. Gmsh meshes it, a solid with -3: gmsh -2 '{0}' -o NEW.msh"),
     **dict.fromkeys(BY_GMSH, " Gmsh converts it (.unv and .cgns with all names): gmsh '{0}' -save -o NEW.msh"),
     **dict.fromkeys(BY_MESHIO, " meshio converts it: meshio convert '{0}' NEW.vtu"),
 }

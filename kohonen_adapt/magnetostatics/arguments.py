@@ -226,7 +226,7 @@ def check_plane_mesh(mesh: Any, curved: bool) -> None:
     try:
         check_mesh(mesh, curved=curved)
     except ValueError as error:
-        if type(mesh) is TETRAHEDRON.mesh:
+        if isinstance(mesh, TETRAHEDRON.mesh):
             raise ValueError(f"{error} Tetrahedra are for MagneticScalarPotential.") from None
         raise
 

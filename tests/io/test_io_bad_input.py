@@ -19,6 +19,7 @@ def test_missing_file(tmp_path):
     [
         ("mesh.stl", r"gmsh 'mesh\.stl' -save -o NEW"),
         ("mesh.exo", r"meshio convert 'mesh\.exo' NEW\.vtu"),
+        ("core.geo", r"gmsh -2 'core\.geo' -o NEW\.msh"),
         ("mesh.fem", r"analyse it there, and read the solution, the \.ans file beside it\."),
         ("mesh.ele", r"numpy\.loadtxt and skfem\.MeshTri\(p, t\) make a mesh\."),
         ("mesh", r"skfem\.MeshTri\(p, t\)"),

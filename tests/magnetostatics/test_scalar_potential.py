@@ -9,7 +9,7 @@ from helpers.magnet_solids import blocks, dipole, graded, nested_balls
 from helpers.sheets import MU0
 from helpers.solids import box
 from scipy.optimize import brentq
-from skfem import MeshTet, MeshTri
+from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -322,5 +322,6 @@ def test_other_kinds_of_mesh():
     plane = MeshTri().refined(2).with_defaults().with_subdomains({"air": lambda x: x[0] < 9.0})
     refused("mesh must be a skfem.MeshTet; got MeshTri1. Plane meshes are for Magnetostatics", plane, {"air": AIR})
     solid = box(1).with_defaults().with_subdomains({"air": lambda x: x[0] < 9.0})
-    with pytest.raises(ValueError, match=r"got MeshTet1\. .*Tetrahedra are for MagneticScalarPotential"):
-        Magnetostatics({"air": AIR}, {"left": 0.0}).solve(solid)
+    for mesh in (solid, MeshTet2.from_mesh(solid)):
+        with pytest.raises(ValueError, match=r"got MeshTet\d\. .*Tetrahedra are for MagneticScalarPotential"):
+            Magnetostatics({"air": AIR}, {"left": 0.0}).solve(mesh)
