@@ -1,4 +1,4 @@
-"""Adaptive finite elements for scikit-fem at a constant number of nodes."""
+"""Adaptive finite elements for scikit-fem, with nodes where errors are."""
 
 from kohonen_adapt import estimators
 from kohonen_adapt.geometry.plane.curves import Arc, Line
