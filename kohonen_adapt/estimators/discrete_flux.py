@@ -77,7 +77,7 @@ def discrete_flux(
     # A flux of shape (d, nelements) is constant in elements. Without `varying` no other is allowed.
     check_mesh(mesh, curved=order > 1, space=True)
     number_facets(mesh)
-    dim, nelements = len(mesh.p), mesh.t.shape[1]
+    dim, nelements = len(mesh.p), mesh.nelements
     shape = {str(dim): dim, str(dim + 1): dim + 1, "nelements": nelements}
     if not (varying and np.ndim(0.0 if flux is None else flux) == len(shape)):
         del shape[str(dim + 1)]

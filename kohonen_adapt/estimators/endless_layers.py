@@ -40,7 +40,7 @@ class System(NamedTuple):
 
     @classmethod
     def of(cls, discrete: DiscreteFlux) -> "System":
-        space, mesh, count = discrete.space, discrete.space.mesh, discrete.space.mesh.p.shape[1]
+        space, mesh, count = discrete.space, discrete.space.mesh, discrete.space.mesh.nvertices
         weights = space.volumes * discrete.reluctivity
         matrices = np.einsum("k,cik,cjk->ijk", weights, space.hats, space.hats)
         outflow = space.against_gradients(discrete.mean) - space.against_functions(discrete.source)
@@ -75,7 +75,7 @@ def with_strong_corners(indicators: Floats, discrete: DiscreteFlux) -> Floats:
 
 
 def contrasts(mesh: MeshTri, coefficient: Floats) -> Mask:
-    low, high = np.full(mesh.p.shape[1], np.inf), np.zeros(mesh.p.shape[1])
+    low, high = np.full(mesh.nvertices, np.inf), np.zeros(mesh.nvertices)
     np.minimum.at(low, mesh.t, np.tile(coefficient, (3, 1)))
     np.maximum.at(high, mesh.t, np.tile(coefficient, (3, 1)))
     return high > CONTRAST * low

@@ -199,7 +199,7 @@ def duality_gap(
     """
     _check_plane(mesh)
     check_mesh(mesh)
-    nnodes, nelements = mesh.p.shape[1], mesh.t.shape[1]
+    nnodes, nelements = mesh.nvertices, mesh.nelements
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
     corners = finite_reals("field", field, {"2": 2, "3": 3, "nelements": nelements}, "element")
     empty = np.zeros((2, nelements)) if flux is None else flux
@@ -229,7 +229,7 @@ def equilibrated_correction(discrete: DiscreteFlux, fixed: ArrayLike | None) -> 
     mesh = discrete.space.mesh
     fixed_mask = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, fixed_mask)
-    rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.p.shape[1])
+    rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.nvertices)
     seen = np.zeros(mesh.t.T.shape, dtype=np.bool_)
     equilibrate(problem, patch_scratch(np.bincount(mesh.t.ravel()).max()), seen, rows, imbalance)
     _check_balance(mesh, discrete, fixed_mask, imbalance)
@@ -240,7 +240,7 @@ def equilibrated_correction(discrete: DiscreteFlux, fixed: ArrayLike | None) -> 
 
 def fixed_nodes(mesh: MeshTri, fixed: ArrayLike | None) -> Mask:
     if fixed is None:
-        return np.isin(np.arange(mesh.p.shape[1]), mesh.facets[:, mesh.f2t[1] < 0])
+        return np.isin(np.arange(mesh.nvertices), mesh.facets[:, mesh.f2t[1] < 0])
     fixed_mask = np.asarray(fixed)
     if fixed_mask.shape != mesh.p.shape[1:] or fixed_mask.dtype != bool:
         raise ValueError(

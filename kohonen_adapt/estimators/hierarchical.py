@@ -39,11 +39,11 @@ class Surplus:
     # except for their normals.
     def __init__(self, space: Space, fixed: Mask) -> None:
         self.space, mesh = space, space.corners
-        nedges, (i, j) = mesh.edges.shape[1], EDGES
+        nedges, (i, j) = mesh.nedges, EDGES
         self.unknowns: Ints = np.vstack((mesh.t2e, nedges + mesh.t2f))
         self.signs = np.vstack((np.where(mesh.t[i] < mesh.t[j], 1.0, -1.0), np.ones(mesh.t.shape)))
         held = np.append(np.zeros(nedges, dtype=np.bool_), fixed)
-        held[space.on_facets(np.flatnonzero(fixed))[3:] - mesh.p.shape[1]] = True
+        held[space.on_facets(np.flatnonzero(fixed))[3:] - mesh.nvertices] = True
         self.free, self.count = np.flatnonzero(~held), held.size
 
     def residual(self, field: Floats, divergence: Floats) -> Floats:

@@ -87,7 +87,7 @@ def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
     regions remain. `values` has shape (k, nelements), or (k, d + 1, nelements) if given per corner; the result has
     shape (k, d + 1, nelements).
     """
-    pair = region * mesh.p.shape[1] + mesh.t
+    pair = region * mesh.nvertices + mesh.t
     corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
     weight = np.bincount(corner.ravel(), np.tile(size, len(mesh.t)))
     totals = [np.bincount(corner.ravel(), np.broadcast_to(size * each, corner.shape).ravel()) for each in values]
@@ -115,4 +115,4 @@ def regions_of(discrete: DiscreteFlux, region: ArrayLike | None) -> Ints:
 def _equal_and_connected(mesh: Mesh, data: NDArray[Any]) -> Ints:
     pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
     same = np.all(data[:, pairs[0]] == data[:, pairs[1]], axis=0)
-    return connected_components_of(mesh.t.shape[1], pairs[:, same].T)
+    return connected_components_of(mesh.nelements, pairs[:, same].T)

@@ -6,7 +6,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
-from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of
+from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of, centroids_of
 from kohonen_adapt.mesh.elements.functions import facet_products, nodes, reference_functions
 from kohonen_adapt.mesh.elements.groups import all_points
 from kohonen_adapt.mesh.elements.space import Space
@@ -51,7 +51,7 @@ def outflows(mesh: Mesh, outflow: Floats) -> Floats:
     outflow : (npoints, d + 1, nelements)
         Flux out of every element at the points of its facets, the ends in the order of `Cell.facets`.
     """
-    cell, nfacets = cell_of(mesh), mesh.facets.shape[1]
+    cell, nfacets = cell_of(mesh), mesh.nfacets
     row = np.broadcast_to(np.arange(len(outflow))[:, None, None], outflow.shape)
     if len(outflow) >= cell.dim:
         row = np.concatenate([rows_of_ends(mesh), row[cell.dim :]])
@@ -105,7 +105,7 @@ def residual_indicators(
         one, other, sign = joined
         row = np.arange(len(total))[:, None]
         if len(total) > 1:  # ends of matching facets are in the same order if only one of these runs clockwise
-            middle = mesh.p[:, mesh.t].mean(axis=1)[:, mesh.f2t[0]]
+            middle = centroids_of(mesh)[:, mesh.f2t[0]]
             left = is_in_front(mesh.p[:, mesh.facets], middle)
             row = np.where(left[one] == left[other], SWAPPED[: len(total)], row)
         jump[:, one] = total[:, one] + sign * total[row, other]

@@ -333,7 +333,7 @@ class ArgumentsInSpace:
             if mirror.kind == "normal":
                 rows = np.unique(elements.on_facets(mirror.facets))
                 fixed[rows], values[rows] = True, 0.0
-        part = connected_components_of(mesh.p.shape[1], np.hstack([mesh.t[k : k + 2] for k in range(3)]).T)
+        part = connected_components_of(mesh.nvertices, np.hstack([mesh.t[k : k + 2] for k in range(3)]).T)
         number, first = np.unique(part, return_index=True)
         held = fixed.copy()
         held[first[~np.isin(number, part[fixed[: part.size]])]] = True

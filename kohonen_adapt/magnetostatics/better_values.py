@@ -74,6 +74,6 @@ def on_outer_arcs(field: Field) -> Ints:
     ends = mesh.facets[:, mesh.boundary_facets()]
     along = mesh.p[:, ends[1]] - mesh.p[:, ends[0]]
     along /= np.hypot(*along)
-    meeting, turn = meetings(ends.ravel(), np.concatenate([along, -along], axis=1), mesh.p.shape[1])
+    meeting, turn = meetings(ends.ravel(), np.concatenate([along, -along], axis=1), mesh.nvertices)
     is_round = (meeting == 2) & (turn > STRAIGHT) & (turn < SHARPEST)
     return np.unique(ends[:, is_round[ends].any(axis=0)])

@@ -66,7 +66,7 @@ def energy_indicators(problem: Arguments, field: Field) -> Floats:
         else scalar_problem(field, problem.estimator, at_corners=field.axisymmetric)
     )
     if coefficients.varying_magnets and not field.axisymmetric:  # around an axis the flux has H at the corners
-        flux = flux.reshape(2, -1, field.mesh.t.shape[1]) + flux_variation(field, problem.materials)
+        flux = flux.reshape(2, -1, field.mesh.nelements) + flux_variation(field, problem.materials)
     source, joins = field.symmetry.source(field.current_density), any(m.turns for m in problem.materials.values())
     region = equal_materials(field, problem.materials) if joins or not is_linear else None
     return indicators_of_order_1(problem.estimator, (field.mesh, field.unknown, weight), source, flux, joined, region)

@@ -32,7 +32,7 @@ def residual_by_points(field: Field, joined: Facets | None) -> Floats:
     if field.coefficients.varying_magnets:
         # From the point values alone, without the curvature of the magnetisation, the estimate of order 3 was 0.55 to
         # 0.65 of the error.
-        count = field.mesh.t.shape[1]
+        count = field.mesh.nelements
         element, barycentric = all_points(np.arange(count), LATTICE[3:])
         directions = elements.shape.hat_gradients(element, barycentric)
 

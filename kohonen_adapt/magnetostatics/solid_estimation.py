@@ -24,7 +24,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.point_values import Points
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import STEP, divergence_by_differences
-from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.cells import facet_normals, normals
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
 from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
@@ -124,8 +124,7 @@ def are_parallel(field: SolidField, dual: Floats) -> bool:
 
 def surplus_of(problem: ArgumentsInSpace, field: SolidField) -> Surplus:
     elements = field.elements
-    of_facets = elements.on_facets(np.arange(elements.corners.facets.shape[1]))
-    return Surplus(elements, np.asarray(problem.conditions_of(field).fixed[of_facets].all(axis=0)))
+    return Surplus(elements, np.asarray(problem.conditions_of(field).fixed[elements.on_facets()].all(axis=0)))
 
 
 def cubic_error(problem: ArgumentsInSpace, field: SolidField) -> tuple[Floats, Floats]:
@@ -251,7 +250,7 @@ def tangential_jumps(field: SolidField) -> Floats:
     mesh, strength, reluctivity = field.mesh, field.field_strength, field.reluctivity
     inner = np.flatnonzero(mesh.f2t[1] >= 0)
     sides = mesh.f2t[:, inner]
-    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, inner].T).T
+    normal = 0.5 * facet_normals(mesh, inner)
     jump = magnitude(np.cross(normal, strength[:, sides[0]] - strength[:, sides[1]], axis=0))  # times the area
     terms = jump**2 / (np.sqrt(magnitude(normal)) * reluctivity[sides].sum(axis=0))
     total = field.volume ** (5.0 / 3.0) * field.current_density**2 / reluctivity

@@ -65,7 +65,7 @@ def solution_of(problem: Arguments, energy: PlaneEnergy, old: Field | None = Non
 def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> Field:
     elements = energy.space
     values = energy.symmetry.potential(elements.doflocs, unknown)
-    arguments = elements.mesh, values[: elements.corners.p.shape[1]], energy.coefficients, energy.symmetry, depth, steps
+    arguments = elements.mesh, values[: elements.corners.nvertices], energy.coefficients, energy.symmetry, depth, steps
     more = None if elements.order == 1 else values
     field = Field(*arguments, values=more, degree=elements.order, sides=elements.sides)
     vars(field)["elements"] = elements  # of the cached property, which makes them again for a copy

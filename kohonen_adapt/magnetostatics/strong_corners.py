@@ -14,6 +14,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solution import unknown_of
+from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.corners import Materials, corner_exponents
 from kohonen_adapt.mesh.elements.exponents import STRONG
 from kohonen_adapt.problem.singular_nodes import materials_with
@@ -99,7 +100,7 @@ def squared_error(problem: Arguments, field: Field, nodes: Ints, exponent: Float
     if left > LEFT:
         squared += 2.0 * left / (1.0 - left) * (level_on(mesh) - level)
     if np.any(counts == 0):
-        sizes = sizes_at(mesh)[nodes] / np.ptp(mesh.p, axis=1).max()
+        sizes = sizes_at(mesh)[nodes] / width_of(mesh)
         part = np.max(sizes ** (2.0 * exponent), where=counts == 0, initial=0.0)
         density = here.vector(field.unknown)
         squared += 2.0 * part / (1.0 - part) * here.products(field.unknown, density, density).sum()

@@ -14,7 +14,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
-from kohonen_adapt.mesh.cells import CELLS, cell_of
+from kohonen_adapt.mesh.cells import CELLS, cell_of, centroids_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
 from kohonen_adapt.mesh.host import ascending, elements_of, keys_of
 from kohonen_adapt.mesh.names import connected_components_of, named_sets
@@ -178,7 +178,7 @@ def parts_at(corners: Floats, x: Floats) -> Floats:
 
 
 def overlap_message(mesh: Mesh, element: int, other: int) -> str:
-    middle = mesh.p[:, mesh.t[:, element]].mean(axis=1)
+    middle = centroids_of(mesh, element)
     words, drawn = WHAT[cell_of(mesh).dim]
     return (
         f"the mesh lies on itself: at {point_text(middle)} element {element}{_subdomain(mesh, element)} is on element "

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 import numpy as np
 from skfem import Mesh
@@ -19,10 +20,13 @@ __all__ = [
     "TRIANGLE",
     "Cell",
     "cell_of",
+    "centroids_of",
     "check_kind",
     "determinants",
+    "facet_normals",
     "normals",
     "remedy_for",
+    "width_of",
 ]
 
 # The kernels take third powers of volumes. An element 1e8 times smaller than a mesh of this extent has one in range.
@@ -123,6 +127,18 @@ def normals(position: Floats, nodes: Ints) -> Floats:
     """
     a, b, c = (position[nodes[:, k]] for k in range(3))
     return np.cross(b - a, c - a)
+
+
+def facet_normals(mesh: Mesh, facets: Ints | slice) -> Floats:  # (3, n), of twice the area
+    return normals(mesh.p.T, mesh.facets[:, facets].T).T
+
+
+def centroids_of(mesh: Mesh, elements: Any = slice(None)) -> Floats:
+    return mesh.p[:, mesh.t[:, elements]].mean(axis=1)
+
+
+def width_of(mesh: Mesh) -> float:  # largest extent along an axis
+    return np.ptp(mesh.p, axis=1).max()
 
 
 TRIANGLE = Cell(

@@ -1,6 +1,5 @@
 """Corners of boundaries and interfaces, and the exponents of solutions there."""
 
-from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,8 @@ from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import exponents
-from kohonen_adapt.mesh.host import edges_between, number_facets
+from kohonen_adapt.mesh.elements.unknowns import Unknowns
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
@@ -42,15 +42,8 @@ class Materials(NamedTuple):
 
 def fixed_parts(mesh: Mesh, fixed: Mask, order: int) -> tuple[Mask, Mask]:
     number_facets(mesh)
-    parts = [np.arange(mesh.facets.shape[1])[None]]
-    if mesh.dim() == 3:
-        parts.insert(0, edges_between(mesh, mesh.facets[[0, 0, 1]], mesh.facets[[1, 2, 2]]))
-    prescribed, start = fixed[mesh.facets].all(axis=0) & (mesh.f2t[1] < 0), mesh.nvertices
-    for k, part in enumerate(parts, start=1):  # edges, then insides of facets
-        count, each = part.max() + 1, comb(order - 1, k)
-        prescribed &= fixed[start : start + count * each].reshape(count, each)[part].all(axis=(0, 2))
-        start += count * each
-    return fixed[: mesh.nvertices], prescribed
+    of_facets = Unknowns(mesh, order).on_facets()
+    return fixed[: mesh.nvertices], fixed[of_facets].all(axis=0) & (mesh.f2t[1] < 0)
 
 
 class Interfaces(NamedTuple):

@@ -326,12 +326,12 @@ def refined(mesh: MeshTri) -> MeshTri:
     if not is_second_order(mesh):
         return straight
     sides = numbered_sides(straight)[1]
-    parent = np.tile(np.arange(mesh.t.shape[1]), 4)  # scikit-fem lists the first child of all elements, then the second
+    parent = np.tile(np.arange(mesh.nelements), 4)  # scikit-fem lists the first child of all elements, then the second
     lattice = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # corners, and midpoints by opposite corner
     own = np.vstack([shape.t, nodes + numbered_sides(shape.corners)[1]])[:, parent]  # nodes of an element, refined
     at = lattice[:, np.argmax(own[:, None] == straight.t, axis=0)]  # (3, 3 nodes, nelements)
     at = np.concatenate([at, 0.5 * (at[:, AFTER] + at[:, BEFORE])], axis=1)
-    p = np.empty((2, straight.nvertices + straight.facets.shape[1]))
+    p = np.empty((2, straight.nvertices + straight.nfacets))
     p[:, np.vstack([straight.t, straight.nvertices + sides])] = shape.points(
         np.tile(parent, 6), at.reshape(3, -1)
     ).reshape(2, 6, -1)

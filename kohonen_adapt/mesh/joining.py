@@ -10,7 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import is_number, point_text
-from kohonen_adapt.mesh.cells import cell_of
+from kohonen_adapt.mesh.cells import cell_of, centroids_of, width_of
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
@@ -79,13 +79,13 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:
         raise ValueError(f"rtol must be a number from 0 to below 1; got {rtol!r}.")
-    near = rtol * max(np.ptp(mesh.p, axis=1).max() for mesh in (one, other))
+    near = rtol * max(width_of(mesh) for mesh in (one, other))
     nodes, others = same_nodes(one, other, near)
     check_same_nodes(one, other, nodes, others, near)
     check_apart(one, other)
     check_shared(one, other, nodes, others, near)
-    first, elements = one.p.shape[1], one.t.shape[1]
-    image = np.arange(first + other.p.shape[1])
+    first, elements = one.nvertices, one.nelements
+    image = np.arange(first + other.nvertices)
     image[first + others] = nodes
     parts = [(one, 0), (other, elements)]
     subdomains = [{name: rows + k for name, rows in named_sets(mesh.subdomains).items()} for mesh, k in parts]
@@ -187,9 +187,9 @@ def check_same_nodes(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, ne
 
 
 def check_shared(one: MeshTri, other: MeshTri, nodes: Ints, others: Ints, near: float) -> None:
-    partner = np.full(other.p.shape[1], -1)
+    partner = np.full(other.nvertices, -1)
     partner[others] = nodes
-    (a, b), (start, end), count = boundary_facets(one), partner[boundary_facets(other)], one.p.shape[1]
+    (a, b), (start, end), count = boundary_facets(one), partner[boundary_facets(other)], one.nvertices
     shared = (end * count + start)[np.minimum(start, end) >= 0]
     if not np.isin(shared, a * count + b).any():  # in opposite directions
         distance, _ = nearest(one, other.p[:, np.unique(boundary_facets(other))])
@@ -225,7 +225,7 @@ def along_boundary(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
 
 def check_apart(one: MeshTri, other: MeshTri) -> None:
     for mesh, neighbour, words in ((one, other, "second"), (other, one, "first")):
-        centroids = neighbour.p[:, neighbour.t].mean(axis=1)
+        centroids = centroids_of(neighbour)
         inside = np.flatnonzero(find_elements(mesh, centroids) >= 0)
         if inside.size:
             raise ValueError(

@@ -15,6 +15,7 @@ from kohonen_adapt.mesh.cells import (
     LEAST_EXTENT,
     TETRAHEDRON,
     cell_of,
+    centroids_of,
     check_kind,
     crossed,
     determinants,
@@ -78,7 +79,7 @@ def is_in_front(corners: Floats, point: Floats) -> Mask:
 def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
     corners, element = mesh.facets[:, facets], mesh.f2t[which, facets]
     element = np.where(element < 0, mesh.f2t[0, facets], element)
-    right = is_in_front(mesh.p[:, corners], mesh.p[:, mesh.t[:, element]].mean(axis=1))
+    right = is_in_front(mesh.p[:, corners], centroids_of(mesh, element))
     return np.where(right, corners, corners[[1, 0, *range(2, len(corners))]]).T
 
 

@@ -142,7 +142,7 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
 def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> Manners:
     # The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
     # oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
-    manner = np.zeros(mesh.facets.shape[1], dtype=np.int8)
+    manner = np.zeros(mesh.nfacets, dtype=np.int8)
     manner[np.asarray(rows)] = UNORIENTED
     if isinstance(rows, OrientedBoundary):
         side = np.full(len(manner), -1)
@@ -164,7 +164,7 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
     boundaries = mesh.boundaries or {}
     facet = facets_opposite(mesh, elements.node) if boundaries else None
     if facet is not None:
-        named_facets = np.zeros(mesh.facets.shape[1], dtype=bool)
+        named_facets = np.zeros(mesh.nfacets, dtype=bool)
         named_facets[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
         marked |= named_facets[facet]
     e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(across))[:, None])))

@@ -11,7 +11,7 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.cells import crossed, normals
+from kohonen_adapt.mesh.cells import centroids_of, crossed, normals
 from kohonen_adapt.mesh.corners import Joints, Materials, are_smooth, interfaces_of, joints_of, meetings
 from kohonen_adapt.mesh.curved import corners_of, offsets_of_sides
 from kohonen_adapt.mesh.elements.exponents import exponents
@@ -77,7 +77,7 @@ def facets_around(surface: Surface, materials: Materials, chosen: Mask, turn: Fl
     # axis is the last facet, with nothing ahead, or all round the first.
     mesh, (side, facet) = surface.mesh, np.nonzero(chosen[surface.edge])
     edge, elements = surface.edge[side, facet], mesh.f2t[:, surface.facets[facet]]
-    inside = mesh.p[:, mesh.t[:, elements[0]]].mean(axis=1) - mesh.p[:, mesh.edges[0, edge]]
+    inside = centroids_of(mesh, elements[0]) - mesh.p[:, mesh.edges[0, edge]]
     across = crossed(surface.along[:, edge], surface.direction[:, side, facet])
     ahead = np.where(np.sum(across * inside, axis=0) > 0.0, *elements)
     order = np.lexsort((facet, ahead >= 0, edge))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, width_of
 from kohonen_adapt.mesh.host import keys_of, number_facets
 from kohonen_adapt.mesh.names import named_sets
 
@@ -73,7 +73,7 @@ class Flat:
     @property
     def sides(self) -> Ints:
         if self.element is None:
-            return np.arange(self.mesh.facets.shape[1])
+            return np.arange(self.mesh.nfacets)
         number_facets(self.mesh)
         one, other = self.mesh.f2t
         return np.flatnonzero((other < 0) | (self.element[one] != self.element[other]))
@@ -92,7 +92,7 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
     below, above, element, height = _cut(mesh, np.asarray(plane.point, dtype=float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0
     below, above = np.where(on, above, below), np.where(under, below, above)
-    key = keys_of(np.sort(np.stack([below.ravel(), above.ravel()]), axis=0), mesh.p.shape[1]).reshape(below.shape)
+    key = keys_of(np.sort(np.stack([below.ravel(), above.ravel()]), axis=0), mesh.nvertices).reshape(below.shape)
     whole = (key[0] != key[1]) & (key[1] != key[2]) & (key[2] != key[0])
     _, first, node = np.unique(key[:, whole], return_index=True, return_inverse=True)
     ends = np.stack([below[:, whole].ravel()[first], above[:, whole].ravel()[first]])
@@ -110,7 +110,7 @@ def _cut(mesh: Mesh, point: Floats, normal: Floats) -> tuple[Ints, Ints, Ints, F
     # The corners of triangle i lie on the edges between the nodes ``below[:, i]`` and ``above[:, i]``, both of shape
     # (3, k). Heights are distances from the plane along the normal.
     height = normal @ (mesh.p - point[:, None])
-    height[np.abs(height) < SNAP * np.ptp(mesh.p, axis=1).max()] = 0.0
+    height[np.abs(height) < SNAP * width_of(mesh)] = 0.0
     for is_above in (height >= 0.0, height > 0.0):  # the second for a plane along the boundary
         below, above, element = _pieces(is_above[mesh.t])
         if element.size:

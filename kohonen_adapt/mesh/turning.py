@@ -71,7 +71,7 @@ def turned(
     offset, mesh = midside_offsets(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_of(mesh, name)
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
-    shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.p.shape[1]
+    shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.nvertices
     radii = circles_between(mesh, part, shared, origin)
     steps = [step_of(mesh.p[:, shared] - origin, radius) for radius in radii]
     turn = Rotation(whole_steps(motion.angle, steps), motion.centre)
@@ -92,7 +92,7 @@ def turned(
 
 
 def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
-    part, names = np.zeros(mesh.t.shape[1], dtype=bool), [name] if isinstance(name, str) else list(name)
+    part, names = np.zeros(mesh.nelements, dtype=bool), [name] if isinstance(name, str) else list(name)
     for each in names:
         part[named(mesh.subdomains, each, "subdomain")] = True
     if not part.any() or part.all():

@@ -3,7 +3,7 @@
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind
+from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind, width_of
 from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
@@ -24,7 +24,7 @@ def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: 
             check_curved_sides(mesh)
         return
     dim = cell_of(mesh).dim
-    if mesh.t.shape[1] == 0 or mesh.p.shape[1] == 0:
+    if mesh.nelements == 0 or mesh.p.shape[1] == 0:
         raise ValueError("mesh must have at least one element; got an empty mesh.")
     if mesh.p.shape[0] != dim:
         raise ValueError(f"mesh must have coordinates of shape ({dim}, n); got {mesh.p.shape}.{_in_plane(mesh)}")
@@ -39,7 +39,7 @@ def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: 
 
 def check_extent(mesh: Mesh) -> None:
     with np.errstate(over="ignore"):
-        extent = float(np.ptp(mesh.p, axis=1).max())
+        extent = float(width_of(mesh))
     if extent > LARGEST_EXTENT or 0.0 < extent < LEAST_EXTENT:
         raise ValueError(
             f"mesh must be from {LEAST_EXTENT:g} to {LARGEST_EXTENT:g} wide, in its own units; it is {extent:.3g} "
@@ -73,12 +73,12 @@ def check_sizes(mesh: Mesh) -> None:
     # The limit in d dimensions is ``1e-14 / d!`` times the d-th power of the longest edge.
     cell = cell_of(mesh)
     corners = mesh.p[:, mesh.t]
-    longest = np.zeros(mesh.t.shape[1])
+    longest = np.zeros(mesh.nelements)
     for one, other in cell.edges:
         # for short columns many times faster than np.sum
         longest = np.maximum(longest, sum((corners[:, one] - corners[:, other]) ** 2))
     flat = np.flatnonzero(~(np.abs(cell.determinant(corners)) > 1e-14 * longest ** (cell.dim / 2)))
-    if len(flat) == mesh.t.shape[1] and cell.dim == 2 and not np.ptp(mesh.p, axis=1).all():
+    if len(flat) == mesh.nelements and cell.dim == 2 and not np.ptp(mesh.p, axis=1).all():
         axis = "xy"[int(np.argmin(np.ptp(mesh.p, axis=1)))]
         raise ValueError(
             f"all nodes have the same {axis}, so no element has {cell.size}. If the drawing is in the "
@@ -95,8 +95,8 @@ def check_names(mesh: Mesh) -> None:
     subdomains, boundaries = mesh.subdomains or {}, mesh.boundaries or {}
     if boundaries:
         number_facets(mesh)
-    named = [("subdomain", name, rows, mesh.t.shape[1]) for name, rows in subdomains.items()]
-    named += [("boundary", name, rows, mesh.facets.shape[1]) for name, rows in boundaries.items()]
+    named = [("subdomain", name, rows, mesh.nelements) for name, rows in subdomains.items()]
+    named += [("boundary", name, rows, mesh.nfacets) for name, rows in boundaries.items()]
     for kind, name, rows, count in named:
         if not isinstance(name, str):
             raise ValueError(f"the name of a {kind} must be text; got {name!r}.")

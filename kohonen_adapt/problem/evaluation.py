@@ -42,7 +42,7 @@ def estimate(problem: CheckedProblem, mesh: Mesh, solution: Any) -> Floats:
 
     Raises ValueError for another shape, and for values that are not finite numbers >= 0.
     """
-    values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.t.shape[1]})
+    values = as_reals("indicators of the problem", problem.indicators(mesh, solution), {"nelements": mesh.nelements})
     _check_values(values, np.isfinite(values), "finite; check the solution")
     _check_values(values, values >= 0.0, ">= 0; take their absolute values")
     largest = np.finfo(float).max / np.sqrt(len(values))

@@ -79,7 +79,7 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
 
 
 def numbers_of(ritz: Ritz, mesh: Mesh) -> Ints:
-    return np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    return np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
 
 
 def offsets_on(mesh: Mesh, ritz: Ritz) -> Floats | None:
@@ -200,7 +200,7 @@ def source_loads(
         local = coefficients[:, group.rows] if coefficients is not None and form.dim == 2 else None
         return mean_loads(functions.corners[:, :, group.rows], own, source, form.order, local) * group.volumes
 
-    return functions.groups.by_element(of_group)
+    return functions.by_element(of_group)
 
 
 def mean_loads(corners: Floats, number: Ints, source: Source, order: int, coefficients: Floats | None) -> Floats:

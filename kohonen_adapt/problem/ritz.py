@@ -294,7 +294,7 @@ def parts_of(ritz: Ritz) -> tuple[Ritz, ...]:
 
 
 def check_matches(ritz: Ritz, mesh: Mesh) -> None:
-    unknowns, elements = count_unknowns(mesh, ritz.order), mesh.t.shape[1]
+    unknowns, elements = count_unknowns(mesh, ritz.order), mesh.nelements
     if np.shape(ritz.values) != (unknowns,):
         wanted = "nnodes" if ritz.order == 1 else f"nunknowns of order {ritz.order}"
         several = np.size(ritz.values) in (2 * unknowns, 3 * unknowns)

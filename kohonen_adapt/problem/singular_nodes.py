@@ -4,6 +4,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.corners import Materials, fixed_parts
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import constants_at
@@ -32,7 +33,7 @@ def numbered(columns: Floats, region: Ints) -> Ints:
 
 
 def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:
-    region = np.zeros(mesh.t.shape[1], dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    region = np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     numbers = {id(law): number for number, law in enumerate(ritz.laws)}
     law = np.array([numbers[id(law)] for law in ritz.laws])[region] if ritz.laws else 0 * region
     coefficient, flux = constants_at(ritz.coefficient, region), None
@@ -41,5 +42,5 @@ def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:
         flux = flux + coefficient * shift
     found = materials_with(mesh, coefficient, law, region, flux, np.asarray(ritz.fixed), ritz.order)
     if callable(ritz.flux) and mesh.dim() == 3:
-        return found._replace(flux=np.asarray(ritz.flux(mesh.p[:, mesh.t].mean(axis=1), region)))
+        return found._replace(flux=np.asarray(ritz.flux(centroids_of(mesh), region)))
     return found

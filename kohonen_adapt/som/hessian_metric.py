@@ -9,7 +9,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.shapes import packed, unpacked
@@ -220,7 +220,7 @@ def ratios_of_bounded_edges(mesh: Mesh, values: Floats) -> Floats:
 
 def extent(mesh: Mesh, sizes: Floats) -> Floats:
     # length of a box with the same largest moment of inertia
-    centroid = mesh.p[:, mesh.t].mean(axis=1)
+    centroid = centroids_of(mesh)
     weight = sizes / sizes.sum()
     offset = centroid - (centroid @ weight)[:, None]
     return np.sqrt(12.0 * np.linalg.eigvalsh((weight * offset) @ offset.T)[-1])

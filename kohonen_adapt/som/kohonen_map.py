@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, check_kind
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of, check_kind
 from kohonen_adapt.mesh.locate import Locator, as_rows, find_elements
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.motions import Pair
@@ -253,7 +253,7 @@ class ShapesOfElements:
         element = find_elements(self.mesh, points.T)
         outside = np.flatnonzero(element < 0)  # between a chord that has moved and its curve
         if len(outside):
-            centroids = self.mesh.p[:, self.mesh.t].mean(axis=1).T
+            centroids = centroids_of(self.mesh).T
             element[outside] = cKDTree(centroids).query(points[outside])[1]
         return self.shape[element]
 

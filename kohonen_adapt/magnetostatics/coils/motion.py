@@ -10,6 +10,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
+from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Images", "Motion", "change_of_field", "images_of", "motion_of"]
@@ -91,7 +92,7 @@ def images_of(mesh: MeshTet, mirrors: Iterable[Mirror]) -> Images:
             product, origin = mirror.reflection @ matrix, mirror.image(shift[:, None])[:, 0]
             if len(found) < MOST_IMAGES and all(np.abs(product - other).max() > EQUAL for other, _, _ in found):
                 found.append((product, origin, mirror.sign * sign))
-    tolerance = ON_PLANE * np.ptp(mesh.p, axis=1).max()
+    tolerance = ON_PLANE * width_of(mesh)
     matrices, shifts, signs = (np.array(part) for part in zip(*found, strict=True))
     normal = np.reshape([mirror.normal for mirror in planes], (-1, 3))
     return Images(matrices, shifts, signs, normal, np.array([mirror.level + tolerance for mirror in planes]))

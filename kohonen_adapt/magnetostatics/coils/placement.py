@@ -13,6 +13,7 @@ from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.motion import images_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.host import edges_in
 from kohonen_adapt.mesh.locate import elements_at
 from kohonen_adapt.mesh.measures import magnitude
@@ -69,7 +70,7 @@ def check_placement(mesh: MeshTet, solid: Mask, coils: Mapping[str, Coil], mirro
         if met.size:
             raise ValueError(
                 f"the coil {name!r} meets {subdomains_at(mesh, met[:1])}, which is iron or a magnet, at "
-                f"{point_text(mesh.p[:, mesh.t[:, met[0]]].mean(axis=1))}; wind the coil through air."
+                f"{point_text(centroids_of(mesh, met[0]))}; wind the coil through air."
             )
 
 
@@ -80,7 +81,7 @@ def _inset(coil: Coil, fraction: float) -> Coil:
 def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
     # elements with a node, the centroid or points of edges in the winding
     t, (start, end) = mesh.t[:, rows], edges_in(mesh, rows)
-    nodes, inside = np.unique(t), np.zeros((2, mesh.p.shape[1]), dtype=bool)
+    nodes, inside = np.unique(t), np.zeros((2, mesh.nvertices), dtype=bool)
     in_winding, crossing = inside
     in_winding[nodes] = coil.contains(mesh.p[:, nodes])
     size = magnitude(np.ptp(coil.path, axis=1)) + coil.width + coil.height

@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.equations.given_field import (
 )
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.cells import centroids_of, facet_normals
 from kohonen_adapt.mesh.elements.functions import nodes, reference_functions
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
@@ -144,7 +144,7 @@ def drive_on(
         along, _ = circulations(mesh.p, edges_in(mesh, iron), function)
         at_nodes, layer = total_potential(mesh, iron, along)
     else:
-        at_nodes, layer = known.potential[: mesh.p.shape[1]], known.layer
+        at_nodes, layer = known.potential[: mesh.nvertices], known.layer
     chi = _at_unknowns(elements, at_nodes, iron, function)
     return Drive(elements, function, iron, chi, load, layer)
 
@@ -159,7 +159,7 @@ def _flux_out(elements: Space, permeability: Floats, function: AppliedField, clo
     first, second = mesh.f2t
     jump = permeability[first] - np.append(permeability, 0.0)[second]  # second is -1 at the outer boundary
     surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
-    jump[~is_in_front(mesh.p[:, mesh.facets], mesh.p[:, mesh.t[:, first]].mean(axis=1))] *= -1.0
+    jump[~is_in_front(mesh.p[:, mesh.facets], centroids_of(mesh, first))] *= -1.0
     load, unknowns = np.zeros(elements.doflocs.shape[1]), elements.on_facets(surface).ravel()
     for barycentric, weight in zip(*triangle_rule(DEGREE[order]), strict=True):
         x, normal = elements.facet_points(surface, barycentric)
@@ -195,7 +195,7 @@ def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> tuple[Floats, F
     of Hs along an edge of this kind means that the path links a current. T, shape (3, nelements), has these
     circulations.
     """
-    (lower, upper), nnodes = edges_in(mesh, iron), mesh.p.shape[1]
+    (lower, upper), nnodes = edges_in(mesh, iron), mesh.nvertices
     component = connected_components_of(nnodes, np.stack((lower, upper), axis=1))
     roots = lower[np.unique(component[lower], return_index=True)[1]]
     # One search from a further node that is joined to all roots.
@@ -214,12 +214,12 @@ def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> tuple[Floats, F
 
 def _current_density(mesh: MeshTet, function: AppliedField | None) -> Floats:
     if function is None:
-        return np.zeros(mesh.t.shape[1])
+        return np.zeros(mesh.nelements)
     number_edges(mesh)
     sides, (circulation, absolute) = edges_around(mesh, slice(None)), circulations(mesh.p, mesh.edges, function)
     total = np.abs(FACET_SIGNS @ circulation[sides])
     total[total <= NO_CURRENT * absolute[sides].sum(axis=0)] = 0.0
-    size = 0.5 * np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
+    size = 0.5 * np.linalg.norm(facet_normals(mesh, slice(None)), axis=0)
     return np.max((total / size)[mesh.t2f], axis=0)
 
 
@@ -259,7 +259,7 @@ def _linked_currents(circulation: Floats, chi: Floats, component: Ints, node: In
 
 def _layer(mesh: MeshTet, rows: Ints, circulation: Floats) -> Floats:
     # of circulations along the edges of the elements `rows`
-    layer = np.zeros((3, mesh.t.shape[1]))
+    layer = np.zeros((3, mesh.nelements))
     if not circulation.any():
         return layer
     start, end = EDGES

@@ -118,7 +118,7 @@ def conditions_of(elements: Space, boundaries: Boundaries, symmetry: Symmetry, a
         ties = ties_of(elements, boundaries.periodic, boundaries.antiperiodic)
         fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
     if not anchored:
-        check_anchored(elements.corners.facets, elements.corners.p.shape[1], fixed, open_boundary, ties)
+        check_anchored(elements.corners.facets, elements.corners.nvertices, fixed, open_boundary, ties)
     free = np.flatnonzero(~fixed)
     return Conditions(fixed, values, free, open_boundary, None if ties is None else _class_matrix(ties, free), ties)
 
@@ -222,7 +222,7 @@ def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tu
 
 
 def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
-    count = mesh.p.shape[1]
+    count = mesh.nvertices
     image = np.arange(count)
     image[nodes] = images
     key = keys_of(ascending(*mesh.facets), count)

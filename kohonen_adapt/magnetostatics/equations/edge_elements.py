@@ -11,6 +11,7 @@ from skfem.refdom import RefTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS, edges_around
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.cells import crossed as cross_product
 from kohonen_adapt.mesh.elements.assembly import Reduced
 from kohonen_adapt.mesh.elements.space import Space
@@ -84,7 +85,7 @@ class EdgeElements:
 
     def turns_outward(self, facets: Ints) -> Mask:
         mesh = self.mesh
-        centroid = mesh.p[:, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=1)
+        centroid = centroids_of(mesh, mesh.f2t[0, facets])
         return is_in_front(mesh.p[:, np.sort(mesh.facets[:, facets], axis=0)], centroid)
 
 
@@ -115,13 +116,13 @@ class Curls:
     def _entry(self) -> Ints:
         # of the pairs in every element, (21, nelements)
         mesh, found = self.edges.mesh, [self.edges.unknowns]
-        first, last = self.edges.nodes.shape[1], 3 * mesh.t.shape[1]
+        first, last = self.edges.nodes.shape[1], 3 * mesh.nelements
         for facet, corners in enumerate(RefTet.facets):
             for corner in corners:
                 others = [other for other in corners if other != corner]
                 rank = np.sum(mesh.t[others] < mesh.t[corner], axis=0)
                 found.append(first + 3 * mesh.t2f[facet][None] + rank)
-        first += 3 * mesh.facets.shape[1]
+        first += 3 * mesh.nfacets
         return np.concatenate((*found, np.arange(first, first + last).reshape(3, -1)))
 
     @cached_property
@@ -223,7 +224,7 @@ def open_surfaces(edges: EdgeElements, crossed: Ints) -> int:
     mesh, outer = edges.mesh, edges.mesh.boundary_facets()
     corners = mesh.facets[:, outer]
     surface, part = (
-        connected_components_of(mesh.p.shape[1], np.reshape((ends[:-1], ends[1:]), (2, -1)).T)[corners[0]]
+        connected_components_of(mesh.nvertices, np.reshape((ends[:-1], ends[1:]), (2, -1)).T)[corners[0]]
         for ends in (corners, mesh.t)
     )
     found = np.unique(np.stack((part, surface))[:, np.isin(outer, crossed)], axis=1)

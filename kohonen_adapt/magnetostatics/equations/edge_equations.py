@@ -12,6 +12,7 @@ from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import Curls, EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.problem.energy import Energy
 
 __all__ = ["EdgeDrive", "curl_energy", "edge_drive"]
@@ -35,7 +36,7 @@ class EdgeDrive(Drive):
     def mean(self) -> Floats:
         # (3, nelements)
         mesh = self.edges.mesh
-        return self.at(mesh.p[:, mesh.t].mean(axis=1), np.arange(self.iron.size))
+        return self.at(centroids_of(mesh), np.arange(self.iron.size))
 
     def work_of_difference(self, density: Floats) -> float:
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""
@@ -51,7 +52,7 @@ class EdgeDrive(Drive):
 
 
 def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -> EdgeDrive:
-    mesh, elements, zeros = edges.mesh, edges.elements, np.zeros(edges.mesh.p.shape[1])
+    mesh, elements, zeros = edges.mesh, edges.elements, np.zeros(edges.mesh.nvertices)
     if function is None:
         none = np.zeros(edges.nodes.shape[1])
         return EdgeDrive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)), edges, none)

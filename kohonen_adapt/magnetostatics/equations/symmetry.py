@@ -9,7 +9,7 @@ from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed
-from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.cells import facet_normals, width_of
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 from kohonen_adapt.mesh.names import named_sets
@@ -120,10 +120,10 @@ def mirrors_of(mesh: MeshTet, symmetry: Mapping[str, str]) -> dict[str, Mirror]:
 
 
 def _mirror_of(mesh: MeshTet, name: str, kind: str) -> Mirror:
-    facets, tolerance = np.unique(surface(mesh, name, "symmetry")), FLAT * np.ptp(mesh.p, axis=1).max()
+    facets, tolerance = np.unique(surface(mesh, name, "symmetry")), FLAT * width_of(mesh)
     if facets.size == 0 or np.any(mesh.f2t[1, facets] >= 0):
         raise ValueError(f"the plane of symmetry {name!r} must be on the outer boundary of the mesh, all of it.")
-    across = normals(mesh.p.T, mesh.facets[:, facets].T).T
+    across = facet_normals(mesh, facets)
     normal = unit_vectors(across[:, np.argmax(magnitude(across))])
     height = normal @ mesh.p
     if height.mean() > height[mesh.facets[:, facets]].mean():

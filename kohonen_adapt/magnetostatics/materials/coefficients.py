@@ -204,7 +204,7 @@ def _area_of(mesh: Mesh, name: str, size: Callable[[Mesh], Floats]) -> float:
 
 
 def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:
-    material_index = np.full(mesh.t.shape[1], -1)
+    material_index = np.full(mesh.nelements, -1)
     for index, name in enumerate(materials):
         elements = np.asarray(named(mesh.subdomains, name, "subdomain"))
         duplicated = elements[material_index[elements] >= 0]

@@ -30,7 +30,7 @@ Names = str | Sequence[str]
 
 
 def elements_in(mesh: Mesh, names: Names) -> Mask:
-    inside, text = np.zeros(mesh.t.shape[1], dtype=bool), _joined_names(names)
+    inside, text = np.zeros(mesh.nelements, dtype=bool), _joined_names(names)
     for name in [names] if isinstance(names, str) else names:
         inside[named(mesh.subdomains, name, "subdomain")] = True
     if not inside.any():
@@ -46,7 +46,7 @@ def air_elements(field: MagneticField) -> Mask:
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
     mesh, inside, text = field.elements.corners, elements_in(field.mesh, names), _joined_names(names)
-    in_body = np.zeros(mesh.p.shape[1], dtype=bool)
+    in_body = np.zeros(mesh.nvertices, dtype=bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
     if not around.any():

@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.quantities.bodies import outer_facets
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.measures import unit_vectors
 from kohonen_adapt.mesh.names import named_sets
 
@@ -61,10 +62,10 @@ def plane_cut(mesh: MeshTet, inside: Mask, mirrors: Iterable[Mirror]) -> Cut:
 
 
 def mirror_cut(mesh: MeshTri, inside: Mask) -> Cut:
-    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
+    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.nvertices)
     if not body_facets.size:
         return Cut(body_facets, [], master)
-    edge, tolerance = _edges(mesh, body_facets), NEAR * np.ptp(mesh.p, axis=1).max()
+    edge, tolerance = _edges(mesh, body_facets), NEAR * width_of(mesh)
     along, up = edge[:, np.argmax(np.hypot(*edge))] / np.hypot(*edge).max()
     normal = np.array([-up, along])
     if np.any(np.abs(normal @ edge) > tolerance):
@@ -88,8 +89,8 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     ValueError
         If the body lies on other parts of the outer boundary, or the nodes of the sides have different radii.
     """
-    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.p.shape[1])
-    radial, tolerance = mesh.p - centre[:, None], NEAR * np.ptp(mesh.p, axis=1).max()
+    body_facets, master = outer_facets(mesh, inside), np.arange(mesh.nvertices)
+    radial, tolerance = mesh.p - centre[:, None], NEAR * width_of(mesh)
     radius = np.hypot(*radial)
     ends = radius[mesh.facets[:, body_facets]]
     body_facets = body_facets[np.abs(ends[0] - ends[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]

@@ -11,6 +11,7 @@ from kohonen_adapt.checks import is_number, point_text
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
+from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.locate import find_elements
 
 __all__ = ["FluxDensityAt"]
@@ -180,7 +181,7 @@ class FluxDensityAt(VectorGoal):
             raise ValueError(
                 f"x of FluxDensityAt must be a point of the mesh, which is from {low} to {high} m; {point} is outside."
             )
-        nearest = ON_JUMP * float(np.ptp(field.mesh.p, axis=1).max())
+        nearest = ON_JUMP * float(width_of(field.mesh))
         if around_axis and x[0] <= nearest and self.direction[AXIAL] == 0.0:
             raise ValueError("B on an axis is along z; FluxDensityAt there must have a direction with a z component.")
         reach = distance_to_jumps(field, x, include_current=self.radius is None)

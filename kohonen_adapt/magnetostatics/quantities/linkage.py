@@ -23,7 +23,7 @@ def turns_density(field: MagneticField, circuit: Mapping[str, float]) -> Floats:
 
     `turn_length` times this density is the w whose ``int w field.unknown`` over the plane is the linkage.
     """
-    density, size = np.zeros(field.mesh.t.shape[1]), field.elements.volumes
+    density, size = np.zeros(field.mesh.nelements), field.elements.volumes
     for name, turns in circuit.items():
         inside = elements_in(field.mesh, name)
         density[inside] += turns / np.sum(size[inside])

@@ -333,7 +333,7 @@ class MagneticField(ABC):
 
     @cached_property
     def _means(self) -> Any:
-        vectors, elements = self.elements.mean(self._in_laws.vectors), np.arange(self.mesh.t.shape[1])
+        vectors, elements = self.elements.mean(self._in_laws.vectors), np.arange(self.mesh.nelements)
         return self.kind(elements, self.elements.centroids, vectors, self.coefficients)
 
     @property

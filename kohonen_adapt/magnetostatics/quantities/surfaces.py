@@ -6,7 +6,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.symmetry import surface
-from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.cells import centroids_of, facet_normals
 from kohonen_adapt.mesh.measures import unit_vectors
 
 __all__ = ["oriented_surface"]
@@ -26,8 +26,8 @@ def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
     if not facets.size:
         raise ValueError(f"the surface {name!r} has no facets; name one that has.")
     first, second = mesh.f2t[:, facets]
-    normal = 0.5 * normals(mesh.p.T, mesh.facets[:, facets].T).T
-    outward = mesh.p[:, mesh.facets[0, facets]] - mesh.p[:, mesh.t[:, first]].mean(axis=1)
+    normal = 0.5 * facet_normals(mesh, facets)
+    outward = mesh.p[:, mesh.facets[0, facets]] - centroids_of(mesh, first)
     normal *= np.sign(np.sum(normal * outward, axis=0))
     if isinstance(rows, OrientedBoundary):
         return facets, normal, np.where(rows.ori == 0, 1.0, -1.0)

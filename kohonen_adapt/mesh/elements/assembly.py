@@ -140,9 +140,9 @@ class Skeleton:
     def __init__(self, mesh: Mesh) -> None:
         number_facets(mesh)
         number_edges(mesh)
-        kinds = [(mesh.t, mesh.p.shape[1]), (mesh.t2f, mesh.facets.shape[1])]
+        kinds = [(mesh.t, mesh.nvertices), (mesh.t2f, mesh.nfacets)]
         if len(mesh.p) == 3:
-            kinds.insert(1, (mesh.t2e, mesh.edges.shape[1]))
+            kinds.insert(1, (mesh.t2e, mesh.nedges))
         self.each = [number for _, number in kinds]  # numbers of nodes, edges and faces
         self.local = [len(index) for index, _ in kinds]  # their numbers in an element
         first = np.cumsum([0, *self.each])

@@ -40,7 +40,7 @@ def _reference(form: Form) -> Reference:
     return Reference(form, rule, near_axis(rule[0], form.order, form.kind))
 
 
-class ElementFunctions:
+class ElementFunctions(Groups):
     """Functions of one order on separate elements.
 
     Coefficients have shape (k, m), arrays at quadrature points (..., npoints) as in `Space`.
@@ -62,13 +62,14 @@ class ElementFunctions:
     def __init__(
         self, corners: Floats, order: int, law: Mask, offset: Floats | None = None, axis: bool = False
     ) -> None:
+        count = corners.shape[2]
+        super().__init__([], count)
         self.corners, self.dim = corners, len(corners)
         self.offset: Floats = np.zeros(0) if offset is None else offset
-        count = corners.shape[2]
         curved = np.zeros(count, dtype=np.bool_) if offset is None else np.any(offset, axis=(0, 1))
         kind = kinds_at_axis(corners[0].T) if axis else np.zeros(count, dtype=np.int64)
         law = np.logical_and(law, order > 1 or axis)  # otherwise gradients are constant, and one point suffices
-        self.groups = Groups.of(Form(order, self.dim, axis=axis), kind, curved, law, self._group)
+        self.extend(Groups.of(Form(order, self.dim, axis=axis), kind, curved, law, self._group))
 
     def _group(self, form: Form, rows: Ints | slice, first: int) -> Group:
         at, cell = _reference(form), CELLS[self.dim]
@@ -78,20 +79,10 @@ class ElementFunctions:
         volumes = np.abs(cell.determinant(corner)) / factorial(self.dim)
         return Group(at, rows, first, cell.hat_gradients(corner)[:, 1:], volumes)
 
-    @property
-    def element(self) -> Ints:
-        """Element of every quadrature point, (npoints,)."""
-        return self.groups.element
-
-    @property
-    def weights(self) -> Floats:
-        """Volumes that the quadrature points stand for, (npoints,)."""
-        return self.groups.weights
-
     @cached_property
     def points(self) -> Floats:
         """Quadrature points, (d, npoints)."""
-        return self.groups.at_points(self.points_of)
+        return self.at_points(self.points_of)
 
     def points_of(self, group: Group) -> Floats:
         """Return the quadrature points of a group, (d, q, m)."""
@@ -101,20 +92,3 @@ class ElementFunctions:
             a, b = np.transpose(CELLS[self.dim].edges)
             x += np.einsum("qk,ckm->cqm", 4.0 * at[:, a] * at[:, b], self.offset[:, :, group.rows])
         return x
-
-    @property
-    def integrals(self) -> Floats:
-        """Integrals of the functions, (k, m)."""
-        return self.groups.integrals
-
-    def gradient(self, coefficients: Floats) -> Floats:
-        """Return gradients at the quadrature points, (d, npoints)."""
-        return self.groups.gradient(coefficients)
-
-    def against_gradients(self, flux: Floats) -> Floats:
-        """Return ``int flux . grad phi``, (k, m), of a flux at the quadrature points."""
-        return self.groups.against_gradients(flux)
-
-    def matrices(self, across: Floats) -> Floats:
-        """Return the matrices of ``int nu grad phi . grad phi``, (m, k, k)."""
-        return self.groups.matrices(across)

@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, factor_at, hierarchical, near_axis
 from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, points_near_axis, triangle_rule
-from kohonen_adapt.mesh.host import ascending, facets_opposite, keys_of, number_edges
+from kohonen_adapt.mesh.host import edges_between, facets_opposite, number_edges
 
 __all__ = [
     "FIRST",
@@ -112,7 +112,7 @@ def modes_of(
     `values` (nunknowns,) are its values at the unknowns of the order. A side is a Dirichlet side if all of its own
     unknowns are `fixed` (nunknowns,).
     """
-    facet, nodes, facets = facets_opposite(mesh, node), mesh.nvertices, mesh.facets.shape[1]
+    facet, nodes, facets = facets_opposite(mesh, node), mesh.nvertices, mesh.nfacets
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
     dirichlet = np.zeros(node.shape, dtype=np.bool_)
     if fixed is not None:
@@ -204,10 +204,7 @@ def _rules(order: int, law: bool) -> list[tuple[Floats, Floats]]:
 
 def unknowns_of_elements(mesh: MeshTet, node: Ints) -> Ints:
     # unknowns of `ElementTetP2`, (10, m), of elements `node` (4, m)
-    number_edges(mesh)
-    count = int(mesh.nvertices)
-    own = keys_of(ascending(node[FIRST], node[SECOND]), count)
-    return np.vstack([node, count + np.searchsorted(keys_of(ascending(*mesh.edges), count), own)])
+    return np.vstack([node, mesh.nvertices + edges_between(mesh, node[FIRST], node[SECOND])])
 
 
 def edge_coefficients(values: Floats) -> Floats:

@@ -5,11 +5,9 @@ from math import comb, factorial
 from typing import Self
 
 import numpy as np
-from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.mesh.blended import Projections
-from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.cells import CELLS, centroids_of
 from kohonen_adapt.mesh.elements.assembly import (
     Interiors,
     Pattern,
@@ -69,19 +67,7 @@ class Space(Unknowns):
         True if fields vary inside tetrahedra of order 1: these have four points, and one column in `gradient`.
     """
 
-    def __init__(
-        self,
-        mesh: Mesh,
-        order: int,
-        nonlinear: Mask | None = None,
-        axis: bool = False,
-        sides: Projections | None = None,
-        arcs: bool | None = None,
-        varies: bool = False,
-    ) -> None:
-        super().__init__(mesh, order, nonlinear, axis, sides, arcs)
-        self._varies = varies
-        self._known: tuple[Ints, Known] | None = None  # by the free unknowns
+    _known: tuple[Ints, Known] | None = None  # by the free unknowns
 
     def at_order(self, order: int) -> Self:
         found = type(self)(self.mesh, order, self.nonlinear, self.axis, self.sides, self.arcs)
@@ -161,7 +147,7 @@ class Space(Unknowns):
     @property
     def centroids(self) -> Floats:
         corners = self.corners
-        return self.plain_mean(self.points) if self.curved.any() else corners.p[:, corners.t].mean(axis=1)
+        return self.plain_mean(self.points) if self.curved.any() else centroids_of(corners)
 
     def plain_mean(self, values: Floats) -> Floats:
         """Return means over elements in the plane, of values at the quadrature points."""
@@ -327,7 +313,7 @@ class Space(Unknowns):
     def barycentric(self, x: Floats, element: Ints) -> Floats:
         """Return the barycentric coordinates (d + 1, n) of points in elements."""
         mesh = self.corners
-        middle = mesh.p[:, mesh.t[:, element]].mean(axis=1)
+        middle = centroids_of(mesh, element)
         found = 1.0 / (self.dim + 1.0) + np.einsum("cin,cn->in", self.hats[:, :, element], x - middle)
         rows = np.flatnonzero(self.curved[element])
         if rows.size:

@@ -43,10 +43,12 @@ class Unknowns:
         axis: bool = False,
         sides: Projections | None = None,
         arcs: bool | None = None,
+        varies: bool = False,
     ) -> None:
+        self._varies = varies
         self.mesh, self.order, self.axis, self.sides, self.dim = mesh, order, axis, sides, len(mesh.p)
         self.arcs = order > EQUIDISTANT if arcs is None else arcs
-        self.nonlinear = np.zeros(mesh.t.shape[1], dtype=bool) if nonlinear is None else nonlinear
+        self.nonlinear = np.zeros(mesh.nelements, dtype=bool) if nonlinear is None else nonlinear
         # scikit-fem sorts the corners of a `MeshTri` and relies on the order.
         if is_second_order(mesh) and not np.array_equal(mesh.t, self.corners.t):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
@@ -73,13 +75,13 @@ class Unknowns:
     def curved(self) -> Mask:
         if is_second_order(self.mesh) and not self.has_constant_gradients:
             return self.shape.curved
-        return np.zeros(self.mesh.t.shape[1], dtype=bool)
+        return np.zeros(self.mesh.nelements, dtype=bool)
 
     @cached_property
     def kind(self) -> Ints:
         """Kinds of elements as in `ON_AXIS`, (nelements,)."""
         corners = self.corners
-        return kinds_at_axis(corners.p[0, corners.t.T]) if self.axis else np.zeros(corners.t.shape[1], dtype=np.int64)
+        return kinds_at_axis(corners.p[0, corners.t.T]) if self.axis else np.zeros(corners.nelements, dtype=np.int64)
 
     @cached_property
     def unknowns(self) -> Ints:
@@ -87,7 +89,7 @@ class Unknowns:
         if self.order == 1:
             return self.corners.t
         mesh = self.corners
-        found, first = list[Ints]([mesh.t]), mesh.p.shape[1]
+        found, first = list[Ints]([mesh.t]), mesh.nvertices
         for size, (index, number) in enumerate(self._parts, start=2):
             inner = comb(self.order - 1, size - 1)
             each = np.arange(inner)[:, None]
@@ -101,11 +103,11 @@ class Unknowns:
     @property
     def _parts(self) -> list[tuple[Ints, int]]:
         # edges, faces and the inside of elements, with the number of all, as far as unknowns are there
-        mesh, nelements = self.corners, self.corners.t.shape[1]
+        mesh, nelements = self.corners, self.corners.nelements
         found = [self._edges]
         if self.dim == 3 and self.order > 2:
             number_facets(mesh)
-            found.append((mesh.t2f, mesh.facets.shape[1]))
+            found.append((mesh.t2f, mesh.nfacets))
         return [*found, (np.arange(nelements)[None], nelements)][: self.order - 1]
 
     @property
@@ -113,19 +115,19 @@ class Unknowns:
         # edges of elements, and the number of all
         mesh = self.corners
         if self.dim == 2:
-            return mesh.t2f, mesh.facets.shape[1]
+            return mesh.t2f, mesh.nfacets
         number_edges(mesh)
-        return mesh.t2e, mesh.edges.shape[1]
+        return mesh.t2e, mesh.nedges
 
     @cached_property
     def doflocs(self) -> Floats:
         """Positions of the unknowns, (d, nunknowns)."""
-        mesh, nelements = self.corners, self.corners.t.shape[1]
+        mesh, nelements = self.corners, self.corners.nelements
         if self.order == 1:
             return mesh.p
         on_edges = self._edge_points(positions(self.order, self.arcs)[1:-1]).reshape(self.dim, -1)
         found = np.empty((self.dim, int(self.unknowns.max()) + 1))
-        found[:, : mesh.p.shape[1] + on_edges.shape[1]] = np.hstack((mesh.p, on_edges))
+        found[:, : mesh.nvertices + on_edges.shape[1]] = np.hstack((mesh.p, on_edges))
         first = self.dim + 1 + (self.order - 1) * len(self._edges[0])
         inside = nodes(self.order, self.dim, self.arcs)[first:]
         element, at = np.tile(np.arange(nelements), len(inside)), np.repeat(inside.T, nelements, axis=1)
@@ -135,7 +137,7 @@ class Unknowns:
     def _edge_points(self, at: Floats) -> Floats:
         # at positions from 0 to 1 along all edges, (d, nedges, n)
         if isinstance(self.shape, Blended):
-            return self.shape.facet_points(np.arange(self.corners.facets.shape[1]), at)[0]
+            return self.shape.facet_points(np.arange(self.corners.nfacets), at)[0]
         start, end = self.corners.p[:, self._edge_ends].swapaxes(0, 1)
         return (start[..., None] + at * (end - start)[..., None]) + 4.0 * at * (1.0 - at) * self._offset[..., None]
 
@@ -148,10 +150,11 @@ class Unknowns:
         # midside offsets of all edges, (d, nedges)
         return self.shape.side_offset
 
-    def on_facets(self, facets: Ints) -> Ints:
-        """Return the unknowns of facets, at corners first, (k, nfacets)."""
+    def on_facets(self, given: Ints | None = None) -> Ints:
+        """Return the unknowns of facets, by default of all, at corners first, (k, nfacets)."""
         number_facets(self.corners)
-        found, first = [self.corners.facets[:, facets]], self.corners.p.shape[1]
+        facets = np.arange(self.corners.nfacets) if given is None else given
+        found, first = [self.corners.facets[:, facets]], self.corners.nvertices
         edges, each = self._facet_edges(facets) if self.order > 1 else [], np.arange(self.order - 1)[:, None]
         found += [first + each.size * edge + each for edge in edges]
         if self.dim == 3 and self.order > 2:
@@ -175,7 +178,7 @@ class Unknowns:
         owner[self.unknowns] = np.arange(self.unknowns.shape[1])
         local[self.unknowns] = np.arange(len(self.unknowns))[:, None]
         value = nodes(self.order, self.dim, self.arcs)[local]
-        free = index[: self.corners.p.shape[1]] >= 0
+        free = index[: self.corners.nvertices] >= 0
         column = np.where(free, np.cumsum(free) - 1, -1)[self.corners.t[:, owner].T]
         used = (index >= 0)[:, None] & (column >= 0) & (value > 0.0)
         row = np.broadcast_to(index[:, None], used.shape)
