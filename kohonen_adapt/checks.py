@@ -24,6 +24,7 @@ __all__ = [
     "finite_point",
     "finite_reals",
     "finite_triple",
+    "finite_values",
     "is_count",
     "is_number",
     "listed",
@@ -191,6 +192,26 @@ def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: s
             f"{name} must be finite; it is not at {bad.size} of {array.shape[-1]} {place}s, first {bad[0]}."
         )
     return array
+
+
+def finite_values(name: str, value: Any, x: Floats, shape: tuple[int, ...], remedy: str = "") -> Floats:
+    """Return the finite values of a function of points (d, n), or of a number, in a shape.
+
+    `remedy` is the end of the message about values that are not finite.
+    """
+    found = np.asarray(value(x) if callable(value) else value, dtype=float)
+    if not found.shape and len(shape) == 1:
+        found = np.full(shape, found)
+    if found.shape != shape:
+        names = "(n,)" if len(shape) == 1 else f"({shape[0]}, n)"
+        raise ValueError(f"{name} must have shape {names} = {shape}; got {found.shape}.")
+    bad = np.flatnonzero(~np.isfinite(np.atleast_2d(found)).all(axis=0))
+    if bad.size:
+        first = point_text(x[:, bad[0]])
+        raise ValueError(
+            f"{name} must be finite; it is not at {bad.size} of {shape[-1]} points, first {first}.{remedy}"
+        )
+    return found
 
 
 def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:

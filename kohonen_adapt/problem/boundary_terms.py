@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import is_number
+from kohonen_adapt.checks import finite_values, is_number
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, NO_SURFACE, OFFSET
 from kohonen_adapt.mesh.elements.functions import on_axis, trace_columns, traces_at
 from kohonen_adapt.mesh.host import number_facets
@@ -100,7 +100,9 @@ def terms_of_sides(
     traces, fraction = traces_at(AT, order), np.append([0.0, 1.0], np.arange(1, order) / order)
     mass = np.einsum("qi,qj,fq->fij", traces, traces, measure)
     x, factor = points(fraction)
-    loads = evaluate_load(x.reshape(2, -1), load).reshape(factor.shape) / np.where(factor > 0.0, factor, 1.0)
+    flat = x.reshape(2, -1)
+    loads = finite_values("a load in robin of Ritz", load, flat, flat.shape[1:]).reshape(factor.shape)
+    loads = loads / np.where(factor > 0.0, factor, 1.0)
     interpolant = np.linalg.solve(traces_at(fraction, order), loads.T)
     places = trace_columns(k, order), element[:, None]
     return places, coefficient * mass, np.einsum("fij,jf->fi", mass, interpolant)
@@ -119,15 +121,6 @@ def robin_value(
     places, matrix, load = terms_of_sides(corners, sides, order, terms, axisymmetric, offset)
     trace = coefficients[places]
     return float(0.5 * np.einsum("fi,fij,fj", trace, matrix, trace) - np.sum(load * trace))
-
-
-def evaluate_load(x: Floats, load: Load) -> Floats:
-    values = np.asarray(load(x) if callable(load) else load, dtype=float)
-    if values.shape not in {(), x.shape[1:]} or not np.all(np.isfinite(values)):
-        raise ValueError(
-            f"a load in robin of Ritz must be finite numbers of shape (n,) = {x.shape[1:]}; got {values!r}."
-        )
-    return np.broadcast_to(values, x.shape[1:])
 
 
 @dataclass(frozen=True, eq=False)

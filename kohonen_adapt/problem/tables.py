@@ -1,6 +1,7 @@
 """Validation and evaluation of the data of a Ritz functional."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import finite_values
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, kinds_at_axis
 
 __all__ = [
@@ -150,24 +152,14 @@ def constants_at(table: Any, region: Ints | int, *shape: int) -> Floats:
     return np.broadcast_to(found, (*shape, *points))
 
 
-def reader_of(name: str, expected: str, rank: int) -> Callable[[Floats, Ints, Varying], Floats]:
-    """Return a function that evaluates varying data at points of elements.
+def flux_at(x: Floats, region: Ints, function: Varying, name: str = "flux", rank: int = 2) -> Floats:
+    """Return varying data at points (d, k, m) of elements.
 
-    The points have shape (d, k, m). The values have shape (k, m) if `rank` is 1, and (d, k, m) if it is 2.
+    The values have shape (d, k, m), or shape (k, m) if `rank` is 1.
     """
-
-    def at(x: Floats, region: Ints, function: Varying) -> Floats:
-        flat = x.reshape(len(x), -1)
-        values = np.asarray(function(flat, np.tile(region, x.shape[1])), dtype=float)
-        if values.shape != flat.shape[-rank:]:
-            raise ValueError(f"{name} of Ritz must return {expected} = {flat.shape[-rank:]}; got {values.shape}.")
-        bad = np.flatnonzero(~np.isfinite(np.atleast_2d(values)).all(axis=0))
-        if bad.size:
-            first = flat[:, bad[0]]
-            raise ValueError(f"{name} of Ritz must be finite; it is not at {bad.size} points, first {first}.")
-        return values.reshape(x.shape[-rank - 1 :])
-
-    return at
+    flat, regions = x.reshape(len(x), -1), np.tile(region, x.shape[1])
+    values = finite_values(f"{name} of Ritz", lambda at: function(at, regions), flat, flat.shape[-rank:])
+    return values.reshape(x.shape[-rank - 1 :])
 
 
-source_at, flux_at = reader_of("source", "an array of shape (n,)", 1), reader_of("flux", "the shape of x, (2, n)", 2)
+source_at = partial(flux_at, name="source", rank=1)

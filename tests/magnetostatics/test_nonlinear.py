@@ -370,7 +370,7 @@ def test_wrong_materials_are_named(arguments, message):
     ("direction", "message"),
     [
         (lambda x: x[0], r"remanence of 'wire' must have shape \(2, n\) = \(2, 6\); got \(6,\)\."),
-        (lambda x: x * np.nan, r"remanence of 'wire' must be finite; it is not in 6 of its 6 elements\."),
+        (lambda x: x * np.nan, r"remanence of 'wire' must be finite; it is not at 6 of 6 points, first "),
     ],
 )
 def test_wrong_directions_are_named(direction, message):

@@ -308,7 +308,7 @@ def test_bad_input():
     refused("'outer' must be plane", symmetry={"outer": "normal"})
     refused("estimator must be 'residual', 'recovery' or 'bracket'", estimator="equilibrated")
     refused("applied_field must be a function", applied_field=(1.0, 2.0))
-    refused(r"applied_field must return the shape of x", applied_field=lambda x: x[:2], potential={"outer": 0.0})
+    refused(r"applied_field must have shape \(3, n\)", applied_field=lambda x: x[:2], potential={"outer": 0.0})
     refused("potential must map names", potential=0.0)
     refused(r"materials\['air'\] must be a Material", materials={"air": 1.0})
 

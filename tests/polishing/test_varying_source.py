@@ -71,10 +71,10 @@ def test_a_constant_and_a_function_of_that_value_come_to_the_same():
 @pytest.mark.parametrize(
     ("source", "message"),
     [
-        (lambda x, region: np.ones((2, x.shape[1])), r"^source of Ritz must return an array of shape \(n,\) = "),
+        (lambda x, region: np.ones((2, x.shape[1])), r"^source of Ritz must have shape \(n,\) = "),
         (
             lambda x, region: np.where(x[0] > 0.5, np.nan, 1.0),
-            r"^source of Ritz must be finite; it is not at \d+ points",
+            r"^source of Ritz must be finite; it is not at \d+ of \d+ points",
         ),
     ],
 )

@@ -122,5 +122,5 @@ def test_functions_that_return_something_else():
         def stated(self, x, region):
             return np.ones((3, x.shape[1]))
 
-    with pytest.raises(ValueError, match=r"^source of Ritz must return an array of shape \(n,\) = "):
+    with pytest.raises(ValueError, match=r"^source of Ritz must have shape \(n,\) = "):
         ka.polish(CUBE, Wrong())

@@ -9,6 +9,7 @@ from scipy.sparse import coo_array, csc_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.checks import finite_values
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -177,7 +178,7 @@ def fixed_values(elements: Space, boundaries: Boundaries) -> tuple[Mask, Floats]
     for name, value in boundaries.potential.items():
         rows = at_points[name] if name in at_points else _on_boundary(elements, name)
         fixed[rows] = True
-        values[rows] = _evaluated(name, value, x[:, rows])
+        values[rows] = finite_values(f"potential of {name!r}", value, x[:, rows], rows.shape)
     return fixed, values
 
 
@@ -251,18 +252,6 @@ def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple
 def _class_matrix(ties: Ties, free: Ints) -> csc_array:
     masters, column = np.unique(ties.master[free], return_inverse=True)
     return csc_array((ties.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
-
-
-def _evaluated(name: str, value: Value, x: Floats) -> Floats:
-    result = np.asarray(value(x) if callable(value) else value, dtype=float)
-    if result.shape not in {(), x.shape[1:]}:
-        raise ValueError(
-            f"potential of {name!r} must be a float or have shape (n,) = {x.shape[1:]}; got {result.shape}."
-        )
-    bad = np.count_nonzero(~np.isfinite(np.broadcast_to(result, x.shape[1:])))
-    if bad:
-        raise ValueError(f"potential of {name!r} must be finite; it is not at {bad} of its {x.shape[1]} nodes.")
-    return result
 
 
 def check_anchored(

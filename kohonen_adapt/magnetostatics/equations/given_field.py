@@ -9,6 +9,7 @@ from numpy.polynomial import legendre
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import finite_values
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.elements.functions import positions
 from kohonen_adapt.mesh.elements.rules import product_rule
@@ -53,17 +54,10 @@ def checked_field(value: Any) -> AppliedField | None:
 def field_at(function: AppliedField, x: Floats) -> Floats:
     if not x.size:
         return np.zeros_like(x)
-    values = np.asarray(function(x), dtype=float)
-    if values.shape != x.shape:
-        raise ValueError(f"applied_field must return the shape of x, (3, n) = {x.shape}; got {values.shape}.")
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=0))
-    if bad.size:
-        raise ValueError(
-            f"applied_field must be finite; it is not at {bad.size} points, first {tuple(x[:, bad[0]].tolist())}. A "
-            "node or the centroid of an element is on a wire: give the wire a cross-section, or keep nodes off the "
-            "wire."
-        )
-    return values
+    remedy = (
+        " A node or the centroid of an element is on a wire: give the wire a cross-section, or keep nodes off the wire."
+    )
+    return finite_values("applied_field", function, x, x.shape, remedy)
 
 
 def edges_around(mesh: MeshTet, facets: Ints | slice) -> Ints:

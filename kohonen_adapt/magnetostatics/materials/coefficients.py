@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.checks import finite_values, listed
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, Scaled, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.measures import area, inner_points, magnitude, unit_vectors
@@ -184,13 +184,7 @@ def _evaluated(name: str, value: Vector, x: Floats) -> Floats:
     if not callable(value):
         vector = np.array(value if any(value) else np.zeros(len(x)))
         return np.tile(vector[:, None], x.shape[1])
-    vector = np.asarray(value(x), dtype=float)
-    if vector.shape != x.shape:
-        raise ValueError(f"{name} must have shape ({len(x)}, n) = {x.shape}; got {vector.shape}.")
-    bad = np.count_nonzero(~np.isfinite(vector).all(axis=0))
-    if bad:
-        raise ValueError(f"{name} must be finite; it is not in {bad} of its {x.shape[1]} elements.")
-    return vector
+    return finite_values(name, value, x, x.shape)
 
 
 def _area_of(mesh: Mesh, name: str, size: Callable[[Mesh], Floats]) -> float:
