@@ -20,6 +20,7 @@ __all__ = [
     "check_hook",
     "check_state",
     "check_tolerance",
+    "checked_mapping",
     "checked_points",
     "finite_point",
     "finite_reals",
@@ -68,6 +69,13 @@ def check_count(name: str, value: object) -> None:
 def check_tolerance(name: str, value: object) -> None:
     if value is not None and not (is_number(value) and 0.0 <= value < np.inf):  # type: ignore[operator]
         raise ValueError(f"{name} must be a finite number >= 0, or None; got {value!r}.")
+
+
+def checked_mapping(value: Any, expected: str) -> dict[Any, Any]:
+    """Return a copy of a mapping, or an empty one for None."""
+    if not isinstance(value, Mapping | None):
+        raise ValueError(f"{expected}; got {value!r}.")
+    return dict(value or {})
 
 
 def check_fraction(name: str, value: object) -> None:

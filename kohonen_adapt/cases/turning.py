@@ -14,8 +14,8 @@ from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
 from kohonen_adapt.mesh.motions import Pair, Rotation, inverse, moved
-from kohonen_adapt.mesh.names import connected_components_of, named
-from kohonen_adapt.mesh.turning import elements_of, turned
+from kohonen_adapt.mesh.names import connected_components_of, elements_in, named
+from kohonen_adapt.mesh.turning import turned
 
 __all__ = ["Turn", "turn", "turned_materials", "turned_mesh"]
 
@@ -90,7 +90,7 @@ def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Tur
     """
     found = dict(materials)
     for names, degrees in turn.items():
-        turns = elements_of(mesh, names)
+        turns = elements_in(mesh, names)
         found = {key: _turned(key, each, mesh, turns, Rotation(radians(degrees))) for key, each in found.items()}
     return found
 

@@ -10,7 +10,7 @@ from skfem import MeshTet, MeshTri
 from skfem.mesh import MeshTet1, MeshTet2
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import is_number, listed, nearest_name
+from kohonen_adapt.checks import checked_mapping, is_number, listed, nearest_name
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.coils.coil import Coil
@@ -172,9 +172,10 @@ class Arguments:
             )
 
     def _check_sides(self) -> None:
-        valid = self.sides is None or isinstance(self.sides, Mapping)
-        if not valid or not all(callable(getattr(curve, "project", None)) for curve in (self.sides or {}).values()):
-            raise ValueError(f"sides must map boundary names to curves with a method project; got {self.sides!r}.")
+        expected = "sides must map boundary names to curves with a method project"
+        curves = checked_mapping(self.sides, expected).values()
+        if not all(callable(getattr(curve, "project", None)) for curve in curves):
+            raise ValueError(f"{expected}; got {self.sides!r}.")
 
     def _check_depth(self) -> None:
         if self.depth is None:
@@ -232,9 +233,7 @@ def check_plane_mesh(mesh: Any, curved: bool) -> None:
 
 
 def _checked_turns(value: Any, materials: Mapping[str, Material]) -> dict[str, float]:
-    if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"ampere_turns must map subdomain names to amperes; got {value!r}.")
-    turns = dict(value or {})
+    turns = checked_mapping(value, "ampere_turns must map subdomain names to amperes")
     for name, total in turns.items():
         if name not in materials:
             raise ValueError(
@@ -259,9 +258,8 @@ def _checked_pairs(name: str, value: Any) -> tuple[Pair, ...]:
 
 
 def _checked_points(value: Any) -> dict[str, Floats]:
-    if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"points must map names to positions (x, y) in metres; got {value!r}.")
-    points = {name: np.array(point) for name, point in (value or {}).items()}
+    given = checked_mapping(value, "points must map names to positions (x, y) in metres")
+    points = {name: np.array(point) for name, point in given.items()}
     for name, point in points.items():
         if point.dtype.kind not in "iuf" or point.shape[:1] != (2,) or point.ndim > 2 or not np.isfinite(point).all():
             raise ValueError(
@@ -287,13 +285,11 @@ class ArgumentsInSpace:
                     f"{name!r} has a current density, {material.current_density:g} A/m^2, which has no direction in "
                     "space: give the current as a Coil in coils, or its field as applied_field."
                 )
-        if not isinstance(self.potential, Mapping | None):
-            raise ValueError(f"potential must map names of boundaries to phi in A; got {self.potential!r}.")
         checked_field(self.applied_field)
         # Copies, so that later changes by the caller do not alter a solved problem.
         checked = {
             "materials": dict(self.materials),
-            "potential": dict(self.potential or {}),
+            "potential": checked_mapping(self.potential, "potential must map names of boundaries to phi in A"),
             "symmetry": checked_symmetry(self.symmetry),
             "coils": checked_coils(self.coils),
         }

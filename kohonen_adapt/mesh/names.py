@@ -13,7 +13,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, nearest_name
-from kohonen_adapt.mesh.host import facets_opposite, is_own_name
+from kohonen_adapt.mesh.host import facets_opposite, is_own_name, number_facets
 
 __all__ = [
     "LEFT",
@@ -23,13 +23,16 @@ __all__ = [
     "codes_of_names",
     "combinations",
     "connected_components_of",
+    "elements_in",
     "in_order",
+    "joined_names",
     "labels",
     "manners_of",
     "marked_facets",
     "named",
     "named_sets",
     "nodes_of_points",
+    "outer_facets_of",
     "regions_of",
     "subdomains_of",
     "turned",
@@ -37,6 +40,7 @@ __all__ = [
 
 UNORIENTED, LEFT, RIGHT = 1, 2, 3  # orientation of a name on a facet or curve segment: none, or its left or right side
 Manners = NDArray[np.int8]
+Names = str | Sequence[str]  # of subdomains
 
 SAME = 1e-9  # maximum distance of a node from a named point, relative to the size of the mesh
 
@@ -52,6 +56,34 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
         remedy = nearest_name(name, available) if available else f" Name {plural} by mesh.with_{plural}."
         raise ValueError(f"{kind} {name!r} is not in the mesh; it has {listed(available)}.{remedy}")
     return sets[name]
+
+
+def elements_in(mesh: Mesh, names: Names) -> Mask:
+    inside, text = np.zeros(mesh.nelements, dtype=bool), joined_names(names)
+    for name in [names] if isinstance(names, str) else names:
+        inside[named(mesh.subdomains, name, "subdomain")] = True
+    if not inside.any():
+        raise ValueError(f"subdomain {text} has no elements; name one that has.")
+    return inside
+
+
+def joined_names(names: Names) -> str:
+    listed = [names] if isinstance(names, str) else names
+    if not isinstance(listed, Sequence) or not listed or not all(isinstance(name, str) for name in listed):
+        raise ValueError(f"a body is the name of a subdomain or a sequence of names; got {names!r}.")
+    return " + ".join(map(repr, listed))
+
+
+def outer_facets_of(mesh: Mesh, name: str, what: str) -> Ints:
+    """Return the facets of a named boundary, `what` in messages, which must all be on the outer boundary."""
+    facets = np.asarray(named(mesh.boundaries, name, "boundary"))
+    number_facets(mesh)
+    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
+    if inside or not facets.size:
+        raise ValueError(
+            f"{what} must be on the outer boundary of the mesh; {inside} of {facets.size} facets are inside."
+        )
+    return facets
 
 
 def nodes_of_points(mesh: MeshTri, points: Mapping[str, Floats]) -> dict[str, Ints]:

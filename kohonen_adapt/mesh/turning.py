@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.curved import corners_of, midside_offsets
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.joining import sides_of, with_images
 from kohonen_adapt.mesh.motions import Rotation, moved
-from kohonen_adapt.mesh.names import named, named_sets
+from kohonen_adapt.mesh.names import elements_in, named_sets
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["turned"]
@@ -69,7 +69,9 @@ def turned(
     """
     check_mesh(mesh, curved=True)
     offset, mesh = midside_offsets(mesh), corners_of(mesh)
-    motion, part = Rotation(angle, centre), elements_of(mesh, name)
+    motion, part = Rotation(angle, centre), elements_in(mesh, name)
+    if part.all():
+        raise ValueError(f"a part of the mesh must turn in the rest of it; {name!r} is all.")
     inner, outer = (np.unique(mesh.t[:, which]) for which in (part, ~part))
     shared, origin, count = np.intersect1d(inner, outer), np.array(motion.centre)[:, None], mesh.nvertices
     radii = circles_between(mesh, part, shared, origin)
@@ -89,17 +91,6 @@ def turned(
     sides = {each: sides_of(mesh, rows) for each, rows in (mesh.boundaries or {}).items()}
     offset[:, :, part] = np.tensordot(turn.matrix[:, :2], offset[:, :, part], 1)
     return with_images(mesh, p, t, image, named_sets(mesh.subdomains), sides, offset)
-
-
-def elements_of(mesh: MeshTri, name: str | Sequence[str]) -> Mask:
-    part, names = np.zeros(mesh.nelements, dtype=bool), [name] if isinstance(name, str) else list(name)
-    for each in names:
-        part[named(mesh.subdomains, each, "subdomain")] = True
-    if not part.any() or part.all():
-        raise ValueError(
-            f"a part of the mesh must turn in the rest of it; {name!r} is {'all' if part.all() else 'none'}."
-        )
-    return part
 
 
 def on_circle(x: Floats, radius: float) -> Mask:

@@ -11,8 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_values, is_number
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, NO_SURFACE, OFFSET
 from kohonen_adapt.mesh.elements.functions import on_axis, trace_columns, traces_at
-from kohonen_adapt.mesh.host import number_facets
-from kohonen_adapt.mesh.names import named
+from kohonen_adapt.mesh.names import outer_facets_of
 
 __all__ = [
     "FACET_DEGREE",
@@ -56,14 +55,7 @@ def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
 
 def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
     """Return elements (f,) and opposite corners (f,) of the facets of a boundary."""
-    facets = np.asarray(named(mesh.boundaries, name, "boundary"))
-    number_facets(mesh)
-    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
-    if inside:
-        raise ValueError(
-            f"boundary {name!r} in robin of Ritz must be on the outer boundary of the mesh; {inside} of "
-            f"{facets.size} facets are inside."
-        )
+    facets = outer_facets_of(mesh, name, f"boundary {name!r} in robin of Ritz")
     element = mesh.f2t[0, facets]
     beside = np.any(mesh.t.T[element][:, :, None] == mesh.facets[:, facets].T[:, None, :], axis=2)
     return element, np.argmin(beside, axis=1)

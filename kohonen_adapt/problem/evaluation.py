@@ -7,7 +7,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Mask
-from kohonen_adapt.checks import as_reals, check_fraction, listed
+from kohonen_adapt.checks import as_reals, check_fraction, checked_mapping, listed
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.problem.protocol import (
     CheckedProblem,
@@ -138,23 +138,22 @@ def goal_error_of(problem: CheckedProblem, solution: Any) -> Uncertain:
 
 
 def check_outputs(outputs: Any, output_rtol: Any) -> dict[str, Output]:
-    if outputs is not None and not isinstance(outputs, Mapping):
-        raise ValueError(f"outputs must map names to functions of the solution, or be None; got {outputs!r}.")
-    for name, function in (outputs or {}).items():
+    found = checked_mapping(outputs, "outputs must map names to functions of the solution, or be None")
+    for name, function in found.items():
         if not isinstance(name, str):
             raise ValueError(f"the names of outputs must be strings; got {name!r}.")
         if not callable(function):
             raise ValueError(f"outputs[{name!r}] must be a function of the solution; got {function!r}.")
     if not isinstance(output_rtol, Mapping):
         check_fraction("output_rtol", output_rtol)
-    if output_rtol is not None and not outputs:
+    if output_rtol is not None and not found:
         raise ValueError("output_rtol requires outputs; add outputs={name: function}.")
     if isinstance(output_rtol, Mapping):
         for name, tolerance in output_rtol.items():
-            if name not in (outputs or {}):
-                raise ValueError(f"output_rtol has {name!r}, which is no output; outputs are {listed(outputs or {})}.")
+            if name not in found:
+                raise ValueError(f"output_rtol has {name!r}, which is no output; outputs are {listed(found)}.")
             check_fraction(f"output_rtol[{name!r}]", tolerance)
-    return dict(outputs or {})
+    return found
 
 
 def output_value(name: str, function: Output, solution: Any) -> float:

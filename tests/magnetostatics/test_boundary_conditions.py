@@ -98,7 +98,7 @@ def test_an_open_boundary_is_a_circle_of_the_outer_boundary():
     with pytest.raises(ValueError, match=r"boundary 'rim' is not in the mesh; it has 'all', 'left'\."):
         Magnetostatics(**problem, open_boundary="rim").solve(mesh)
     inner = mesh.with_boundaries({"inner": lambda x: x[0] == 0.5}, boundaries_only=False)
-    with pytest.raises(ValueError, match="the open boundary 'inner' must lie on the outer boundary of the mesh"):
+    with pytest.raises(ValueError, match="the open boundary 'inner' must be on the outer boundary of the mesh"):
         Magnetostatics(**problem, open_boundary="inner").solve(inner)
 
 

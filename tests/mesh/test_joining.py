@@ -308,7 +308,7 @@ def uneven():
         ({}, ("rotor", -0.1), r"The nearest two are -0\.130899694 and -0\.0654498469 rad\.$"),
         ({}, ("rotor", None), r"^angle of a Rotation must be a finite number in radians; got None"),
         ({}, ("rotr", 0.0), r"^subdomain 'rotr' is not in the mesh; it has 'air', 'magnet', 'rotor'"),
-        ({}, ([], 0.0), r"^a part of the mesh must turn in the rest of it; \[\] is none\."),
+        ({}, ([], 0.0), r"^a body is the name of a subdomain or a sequence of names; got \[\]\."),
         ({}, (["magnet", "air"], 0.0), r"^a part of the mesh must turn in the rest of it; .* is all\."),
         (
             {"centre": (0.01, 0.0)},

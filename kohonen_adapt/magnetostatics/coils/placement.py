@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import point_text
+from kohonen_adapt.checks import checked_mapping, point_text
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.motion import images_of
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
@@ -27,9 +27,11 @@ ASYMMETRY = 1e-3  # allowed asymmetric part of the current density
 
 
 def checked_coils(value: Any) -> dict[str, Coil]:
-    if not isinstance(value, Mapping | None) or not all(isinstance(coil, Coil) for coil in (value or {}).values()):
-        raise ValueError(f"coils must map names to magnetostatics.Coil, as {{'winding': coil}}; got {value!r}.")
-    return dict(value or {})
+    expected = "coils must map names to magnetostatics.Coil, as {'winding': coil}"
+    coils = checked_mapping(value, expected)
+    if not all(isinstance(coil, Coil) for coil in coils.values()):
+        raise ValueError(f"{expected}; got {value!r}.")
+    return coils
 
 
 def listed_coils(value: Any) -> list[Coil]:

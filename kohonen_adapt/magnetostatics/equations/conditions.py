@@ -14,9 +14,9 @@ from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import ascending, keys_of, number_facets
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.mesh.names import connected_components_of, named, named_sets, nodes_of_points
+from kohonen_adapt.mesh.names import connected_components_of, named, named_sets, nodes_of_points, outer_facets_of
 
 __all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
@@ -135,14 +135,7 @@ def open_boundary_of(
     falls.
     """
     mesh = elements.corners
-    facets = np.asarray(named(mesh.boundaries, name, "boundary"))
-    number_facets(mesh)
-    inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))
-    if facets.size == 0 or inside:
-        raise ValueError(
-            f"the open boundary {name!r} must lie on the outer boundary of the mesh, all of it; "
-            f"{inside} of its {facets.size} facets are inside."
-        )
+    facets = outer_facets_of(mesh, name, f"the open boundary {name!r}")
     centre, size = circle_of(mesh, name)
     applied, dimension = symmetry.uniform(elements.doflocs, centre, applied_field)
     weight = np.full(facets.size, symmetry.extent / (VACUUM_PERMEABILITY * size))

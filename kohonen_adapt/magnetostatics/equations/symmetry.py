@@ -8,7 +8,7 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
-from kohonen_adapt.checks import listed
+from kohonen_adapt.checks import checked_mapping, listed
 from kohonen_adapt.mesh.cells import facet_normals, width_of
 from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
@@ -159,11 +159,10 @@ def surface(mesh: MeshTet, name: str, argument: str) -> Ints:
 
 
 def checked_symmetry(value: Any) -> dict[str, str]:
-    if value is not None and not isinstance(value, Mapping):
-        raise ValueError(f"symmetry must map names of boundaries to 'parallel' or 'normal'; got {value!r}.")
-    for name, kind in (value or {}).items():
+    planes = checked_mapping(value, "symmetry must map names of boundaries to 'parallel' or 'normal'")
+    for name, kind in planes.items():
         if kind not in KINDS:
             raise ValueError(
                 f"symmetry of {name!r} must be 'parallel' or 'normal', what the flux is to the plane; got {kind!r}."
             )
-    return dict(value or {})
+    return planes

@@ -1,7 +1,5 @@
 """Bodies in air, by names of subdomains."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
@@ -11,13 +9,12 @@ from kohonen_adapt.geometry.plane.curves import Arc
 from kohonen_adapt.magnetostatics.materials.coefficients import subdomains_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
-from kohonen_adapt.mesh.names import named, named_sets
+from kohonen_adapt.mesh.names import Names, elements_in, joined_names, named_sets
 
 __all__ = [
     "Names",
     "air_elements",
     "bores",
-    "elements_in",
     "isolated_body",
     "outer_facets",
 ]
@@ -25,17 +22,6 @@ __all__ = [
 AIR_TOLERANCE = 1e-6  # of the relative permeability; real air has 1.0000004
 NEAR = 1e-9  # tolerance of lengths, relative to the size of the mesh
 BORE_FACETS = (2, 4, 10)  # number of facets of a bore taken as an arc: minimum, maximum, and maximum of a circle
-
-Names = str | Sequence[str]
-
-
-def elements_in(mesh: Mesh, names: Names) -> Mask:
-    inside, text = np.zeros(mesh.nelements, dtype=bool), _joined_names(names)
-    for name in [names] if isinstance(names, str) else names:
-        inside[named(mesh.subdomains, name, "subdomain")] = True
-    if not inside.any():
-        raise ValueError(f"subdomain {text} has no elements; name one that has.")
-    return inside
 
 
 def air_elements(field: MagneticField) -> Mask:
@@ -45,7 +31,7 @@ def air_elements(field: MagneticField) -> Mask:
 
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
-    mesh, inside, text = field.elements.corners, elements_in(field.mesh, names), _joined_names(names)
+    mesh, inside, text = field.elements.corners, elements_in(field.mesh, names), joined_names(names)
     in_body = np.zeros(mesh.nvertices, dtype=bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
@@ -66,13 +52,6 @@ def isolated_body(field: MagneticField, names: Names) -> Mask:
             "leave air between them, or compute the force on both together."
         )
     return inside
-
-
-def _joined_names(names: Names) -> str:
-    listed = [names] if isinstance(names, str) else names
-    if not isinstance(listed, Sequence) or not listed or not all(isinstance(name, str) for name in listed):
-        raise ValueError(f"a body is the name of a subdomain or a sequence of names; got {names!r}.")
-    return " + ".join(map(repr, listed))
 
 
 def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:

@@ -8,11 +8,12 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in
+from kohonen_adapt.magnetostatics.quantities.bodies import air_elements
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import check_plane, check_torque, checked_point, current_force
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit
 from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = ["apparent_inductance", "arkkio_torque", "circuit_current", "energy_inductance", "lorentz_torque"]
 

@@ -12,13 +12,13 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, checked_point, force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns, turn_length
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.mesh.blended import Projections
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = ["CubicField", "Dual", "Field", "HighOrderField", "QuadraticField"]
 

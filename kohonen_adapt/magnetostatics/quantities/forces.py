@@ -17,13 +17,14 @@ from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of, motion_
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, air_elements, elements_in, isolated_body
+from kohonen_adapt.magnetostatics.quantities.bodies import air_elements, isolated_body
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, is_coil
 from kohonen_adapt.magnetostatics.quantities.cuts import Cut, cut_of, without_cancelled
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import PointValues
 from kohonen_adapt.mesh.elements.assembly import assembled
 from kohonen_adapt.mesh.measures import area, hat_gradients
+from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = [
     "OUT_OF_PAGE",

@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, OfBody, checked_point, parts_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = [
     "POINT",

@@ -7,8 +7,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import is_number
-from kohonen_adapt.magnetostatics.quantities.bodies import Names, elements_in
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = [
     "checked_circuit",

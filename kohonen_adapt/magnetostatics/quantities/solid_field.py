@@ -17,7 +17,6 @@ from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.bodies import Names
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
 from kohonen_adapt.magnetostatics.quantities.forces import force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
@@ -27,6 +26,7 @@ from kohonen_adapt.magnetostatics.quantities.surfaces import oriented_surface
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.names import Names
 
 __all__ = ["SolidField"]
 
