@@ -18,14 +18,19 @@ from kohonen_adapt.magnetostatics.coils.placement import check_placement, checke
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, permeable
 from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, conditions_of, fixed_values
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, checked_field, field_at, sources_of
+from kohonen_adapt.magnetostatics.equations.given_field import (
+    AppliedField,
+    Sources,
+    checked_field,
+    field_at,
+)
 from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.symmetry import (
     AXISYMMETRIC,
     PLANAR,
     Mirror,
     checked_symmetry,
-    mirrors_of,
+    mirror_of,
     surface,
 )
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
@@ -40,6 +45,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, remedy_for
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.elements.functions import EQUIDISTANT
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import area, magnitude
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import connected_components_of
@@ -297,7 +303,8 @@ class ArgumentsInSpace:
 
     @property
     def free_field(self) -> AppliedField | None:
-        return sources_of(self.coils, self.applied_field)
+        applied = checked_field(self.applied_field)
+        return Sources(self.coils, applied) if self.coils else applied
 
     def given_on(self, mesh: MeshTet, order: int = 1) -> tuple[Coefficients, dict[str, Mirror]]:
         kinds = (MeshTet1, MeshTet2)[:order]
@@ -308,7 +315,9 @@ class ArgumentsInSpace:
             raise ValueError(f"mesh must be a skfem.{wanted}; got {found}.{plane}{straight}")
         check_mesh(mesh, curved=True, space=True)
         mesh = corners_of(mesh)
-        material, planes = coefficients(mesh, self.materials), mirrors_of(mesh, self.symmetry or {})
+        number_facets(mesh)
+        planes = {name: mirror_of(mesh, name, kind) for name, kind in (self.symmetry or {}).items()}
+        material = coefficients(mesh, self.materials)
         if self.coils:
             check_placement(mesh, permeable(material) | material.coercivity.any(axis=0), self.coils, planes)
         return material, planes

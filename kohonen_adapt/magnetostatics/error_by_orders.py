@@ -32,12 +32,12 @@ LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 
 Energies = Callable[[int], Energy]  # the functional of a solved problem by order, on the mesh of the solution
 
 
-def step_to(energy: Energy, here: Energy, u: Floats, method: Newton) -> tuple[Floats, Floats]:
+def step_to(energy: Energy, here: Any, u: Floats, method: Newton) -> tuple[Floats, Floats]:
     """Return the values in elements of another order, and the Newton step there.
 
     The step is exact for linear material, and correct to second order in its size for others.
     """
-    start = energy.conditions.admissible(energy.space.interpolated(here.space, u))
+    start = energy.conditions.admissible(energy.space.interpolated(here, u))
     return start, method.full_step(energy, start, energy.gradient(start))
 
 
@@ -62,9 +62,9 @@ def indicators_by_orders(
     if from_below:
         return _from_below(here, u, order, energies, method, singular)
     below, above = energies(order - 1), energies(order + 1)
-    start, step = step_to(below, here, u, method)
+    start, step = step_to(below, here.space, u, method)
     before = _squared_change(here, u, below, start + step)
-    start, step = step_to(above, here, u, method) if higher is None else (higher, np.zeros_like(higher))
+    start, step = step_to(above, here.space, u, method) if higher is None else (higher, np.zeros_like(higher))
     change = above.vector(start + step) - above.vector_of(here, u)
     now = above.products(start, change, change)
     return np.asarray(np.sqrt(now * sums_over_changes(before, now, order, singular)))
@@ -97,7 +97,7 @@ def _from_below(
     squares = list[Floats]()
     for lower in (order - 1, order - 2):
         below = energies(lower)
-        solution = np.add(*step_to(below, here, u, method))
+        solution = np.add(*step_to(below, here.space, u, method))
         squares.append(_squared_change(here, u, below, solution))
         here, u = below, solution
     now, before = squares
@@ -110,20 +110,15 @@ def _squared_change(here: Energy, u: Floats, below: Energy, solution: Floats) ->
 
 
 def sums_over_changes(before: Floats, now: Floats, order: int, singular: Mask | None) -> Floats:
-    # `sum_over_change` of the group of every element
-    found = np.ones_like(now)
+    """Return the sum of all squared changes from `order` on, over the first, `now`, of the group of every element."""
+    found, place = np.ones_like(now), order + 0.5
     for group in [np.ones(now.size, dtype=np.bool_)] if singular is None else [singular, ~singular]:
-        found[group] = sum_over_change(float(before[group].sum()), float(now[group].sum()), order)
+        first, second = before[group].sum(), now[group].sum()
+        if second > 0.0:
+            fall = np.log(first / second) / np.log(place / (place - 1.0)) if first > 0.0 else 0.0
+            power = max(fall, LEAST_POWER)
+            found[group] = zeta(power, place) * place**power
     return found
-
-
-def sum_over_change(before: float, now: float, order: int) -> float:
-    # Return the sum of all squared changes from `order` on, over the first, `now`.
-    if now == 0.0:
-        return 1.0
-    place = order + 0.5
-    power = max(np.log(before / now) / np.log(place / (place - 1.0)) if before > 0.0 else 0.0, LEAST_POWER)
-    return float(zeta(power, place) * place**power)
 
 
 def goal_indicators_by_orders(field: Any, higher: Any, dual: Callable[[Any], Floats], energies: Energies) -> Floats:

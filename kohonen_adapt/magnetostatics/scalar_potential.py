@@ -18,6 +18,7 @@ from kohonen_adapt.magnetostatics.error_by_orders import (
     change_by_further_orders,
     goal_indicators_by_orders,
     indicators_beside_edges,
+    step_to,
 )
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, store
 from kohonen_adapt.magnetostatics.functional import functional_in_space
@@ -32,7 +33,6 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     dual_in_space,
     energy_indicators_in_space,
     goal_indicators_in_space,
-    linearised_at,
     with_surplus,
 )
 from kohonen_adapt.magnetostatics.strong_corners import materials_in_space
@@ -326,7 +326,10 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return field.kept["higher"]
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh
-        found = linearised_at(field, *self._functional(mesh, field.drive, field.order + 1), self.method)
+        energy, start = self._functional(mesh, field.drive, field.order + 1)
+        # The potential in nonlinear material is total, so that H on straight edges does not change.
+        step = step_to(energy, field.elements, field.unknown, self.method.roughly)
+        found = replace(start, unknown=np.add(*step))
         if field.order > HIGHEST_WITH_SURPLUS:
             field.kept["higher"] = found
         return found

@@ -12,7 +12,6 @@ from kohonen_adapt.estimators import goal_oriented
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_functions
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
-from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.estimation import (
     RESIDUAL_SCALE,
     equal_materials,
@@ -28,7 +27,6 @@ from kohonen_adapt.mesh.cells import facet_normals, normals
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
 from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
-from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
 
@@ -40,7 +38,6 @@ __all__ = [
     "dual_in_space",
     "energy_indicators_in_space",
     "goal_indicators_in_space",
-    "linearised_at",
     "tangential_jumps",
     "with_surplus",
 ]
@@ -225,12 +222,6 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
     products = np.stack([np.bincount(edge.ravel(), one * other) for one, other in product(normal, normal)])
     turned = np.bincount(edge.ravel()) ** 2 - np.sum(products**2, axis=0) > TURNED
     return np.asarray(np.isin(mesh.t, edges[:, turned]).any(axis=0))
-
-
-def linearised_at(field: SolidField, energy: Energy, higher: SolidField, newton: Newton) -> SolidField:
-    # The potential in nonlinear material is total, so that H on straight edges does not change.
-    start = energy.conditions.admissible(energy.space.interpolated(field.elements, field.unknown))
-    return replace(higher, unknown=start + newton.roughly.full_step(energy, start, energy.gradient(start)))
 
 
 def _dual(problem: ArgumentsInSpace, field: SolidField, load: Floats) -> Floats:

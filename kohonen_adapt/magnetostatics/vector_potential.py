@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.edge_elements import (
     open_surfaces,
     prescribed_flux_load,
 )
-from kohonen_adapt.magnetostatics.equations.edge_equations import curl_energy, edge_drive
+from kohonen_adapt.magnetostatics.equations.edge_equations import edge_drive
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
@@ -136,7 +136,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         load = curls.assemble_vector(curls.against_gradients(drive.mean + material.coercivity))
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
-        return curl_energy(curls, material, conditions, load), zero
+        return Energy(curls, material.densities(edges.volumes), load, conditions), zero
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross

@@ -50,10 +50,6 @@ class Densities:
             secant[rows], differential[rows] = law.secants(b[rows])
         return secant / self.x, differential / self.x
 
-    @property
-    def at_zero(self) -> Self:
-        return replace(self, laws=())
-
 
 @dataclass(frozen=True)
 class Energy:
@@ -94,7 +90,7 @@ class Energy:
 
     def at_zero_field(self) -> Self:
         """Return the quadratic functional of the coefficients at v = 0."""
-        return replace(self, densities=self.densities.at_zero)
+        return replace(self, densities=replace(self.densities, laws=()))
 
     def vector(self, u: Floats) -> Floats:
         slope = self.space.gradient(u)

@@ -8,14 +8,11 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.edge_elements import Curls, EdgeElements
+from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.mesh.cells import centroids_of
-from kohonen_adapt.problem.energy import Energy
 
-__all__ = ["EdgeDrive", "curl_energy", "edge_drive"]
+__all__ = ["EdgeDrive", "edge_drive"]
 
 DEGREE = 4  # of the quadrature rule of the difference: 2 is too coarse in elements that a winding cuts
 
@@ -62,12 +59,3 @@ def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -
     start, end = edges.nodes[:, of_iron]
     circulation[of_iron] = chi[start] - chi[end] + np.sum(edges.directions[:, of_iron] * layer[:, None, iron], axis=0)
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)
-
-
-def curl_energy(curls: Curls, coefficients: Coefficients, conditions: Conditions, load: Floats) -> Energy:
-    """Return the functional ``int (int_0^|B| H dB) - load . u`` with ``B = curl A``.
-
-    Its minimum is the negative of the minimum of the co-energy (without its constant terms), and values above the
-    minimum bound the exact co-energy from below. The load is in A.
-    """
-    return Energy(curls, coefficients.densities(curls.edges.volumes), load, conditions)

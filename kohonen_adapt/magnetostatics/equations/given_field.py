@@ -25,7 +25,6 @@ __all__ = [
     "circulations",
     "edges_around",
     "field_at",
-    "sources_of",
 ]
 
 
@@ -89,11 +88,6 @@ class Sources:
     def without(self, name: str) -> AppliedField | None:
         rest = {other: coil for other, coil in self.coils.items() if other != name}
         return Sources(rest, self.applied) if rest else self.applied
-
-
-def sources_of(coils: Mapping[str, Coil] | None, applied_field: Any) -> AppliedField | None:
-    applied = checked_field(applied_field)
-    return Sources(coils, applied) if coils else applied
 
 
 class Rule(NamedTuple):

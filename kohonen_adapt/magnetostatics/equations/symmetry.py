@@ -1,6 +1,5 @@
 """Planar and axisymmetric fields, and mirror planes in space."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,11 +9,10 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import checked_mapping, listed
 from kohonen_adapt.mesh.cells import facet_normals, width_of
-from kohonen_adapt.mesh.host import number_facets
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["AXISYMMETRIC", "PLANAR", "Mirror", "Symmetry", "checked_symmetry", "mirrors_of", "surface"]
+__all__ = ["AXISYMMETRIC", "PLANAR", "Mirror", "Symmetry", "checked_symmetry", "mirror_of", "surface"]
 
 AXIS = 1e-12  # distance at which nodes are on the axis, relative to the size of the mesh
 ROUND = 1e-3  # allowed distance of the centre of an open boundary from the axis, relative to the size of the mesh
@@ -114,12 +112,7 @@ class Mirror(NamedTuple):
         return self.reflection @ x + 2.0 * self.level * self.normal[:, None]
 
 
-def mirrors_of(mesh: MeshTet, symmetry: Mapping[str, str]) -> dict[str, Mirror]:
-    number_facets(mesh)
-    return {name: _mirror_of(mesh, name, kind) for name, kind in symmetry.items()}
-
-
-def _mirror_of(mesh: MeshTet, name: str, kind: str) -> Mirror:
+def mirror_of(mesh: MeshTet, name: str, kind: str) -> Mirror:
     facets, tolerance = np.unique(surface(mesh, name, "symmetry")), FLAT * width_of(mesh)
     if facets.size == 0 or np.any(mesh.f2t[1, facets] >= 0):
         raise ValueError(f"the plane of symmetry {name!r} must be on the outer boundary of the mesh, all of it.")

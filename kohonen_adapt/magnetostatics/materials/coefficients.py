@@ -136,7 +136,14 @@ def coefficients(
         for name in ("reluctivity", "current_density")
     )
     for name, total in (ampere_turns or {}).items():
-        current_density[mesh.subdomains[name]] = total / _area_of(mesh, name, size)
+        rows = mesh.subdomains[name]
+        found = float(np.sum(size(mesh)[rows]))
+        if found <= 0.0:
+            raise ValueError(
+                f"the coil {name!r} has no area in the mesh, so its ampere_turns cannot be applied; mesh the coil or "
+                "remove it."
+            )
+        current_density[rows] = total / found
     remanence, coercivity = np.zeros((2, len(mesh.p), material_index.size))
     nonlinear_materials, varying_magnets = list[NonlinearMaterial](), list[VaryingMagnet]()
     for index, (name, material) in enumerate(materials.items()):
@@ -185,16 +192,6 @@ def _evaluated(name: str, value: Vector, x: Floats) -> Floats:
         vector = np.array(value if any(value) else np.zeros(len(x)))
         return np.tile(vector[:, None], x.shape[1])
     return finite_values(name, value, x, x.shape)
-
-
-def _area_of(mesh: Mesh, name: str, size: Callable[[Mesh], Floats]) -> float:
-    total = float(np.sum(size(mesh)[mesh.subdomains[name]]))
-    if total <= 0.0:
-        raise ValueError(
-            f"the coil {name!r} has no area in the mesh, so its ampere_turns cannot be applied; mesh the coil or "
-            "remove it."
-        )
-    return total
 
 
 def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:

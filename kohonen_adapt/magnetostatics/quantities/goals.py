@@ -81,10 +81,8 @@ def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
 
 def check_goal_on(goal: Goal | None, field: Any) -> None:
     # before the solve
-    if isinstance(goal, VectorGoal):
+    if isinstance(goal, VectorGoal | FluxLinkage):
         goal._place(field)
-    elif isinstance(goal, FluxLinkage):
-        goal._coils(field)
 
 
 class VectorGoal(Goal):
@@ -272,13 +270,13 @@ class FluxLinkage(Goal):
         """Return the linkage in Wb/m, with `depth`, axisymmetric and in space in Wb."""
         return float(sum(field.flux_linkage(name, turns) for name, turns in self.circuit.items()))
 
-    def _coils(self, field: Any) -> list[OfCoil]:
+    def _place(self, field: Any) -> list[OfCoil]:
         return [OfCoil(field, name) for name in self.circuit]
 
     def derivative(self, field: Any) -> tuple[Floats, Floats]:
         if field.elements.dim == 2:
             return turn_length(field) * turns_density(field, self.circuit), np.zeros_like(field.elements.points)
-        loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self._coils(field), strict=True)]
+        loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self._place(field), strict=True)]
         return np.zeros_like(field.volume), np.sum(loads, axis=0)
 
 
