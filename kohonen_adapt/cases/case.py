@@ -132,12 +132,12 @@ class Case:
         return self.problem.goal
 
     def _with_points(self, problem: Magnetostatics) -> Magnetostatics:
-        conditions = problem.boundaries
-        wanted = conditions.potential.keys() - conditions.points.keys()
+        points = problem.points or {}
+        wanted = (problem.potential or {}).keys() - points.keys()
         if not wanted or not self.mesh_file.is_file():
             return problem
         found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
-        return replace(problem, points={**conditions.points, **found}) if found else problem
+        return replace(problem, points={**points, **found}) if found else problem
 
     def _turned(self, problem: Magnetostatics) -> Magnetostatics:
         if not self.turn:

@@ -102,7 +102,7 @@ def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Me
 
 def _check_names(case: Case, mesh: MeshTri) -> None:
     problem = case.problem
-    points = problem.boundaries.points if isinstance(problem, Magnetostatics) else {}
+    points = (problem.points or {}) if isinstance(problem, Magnetostatics) else {}
     given = problem.potential or {}
     if not named_sets(mesh.boundaries) and given.keys() - points.keys():
         raise ValueError(

@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, permeable
-from kohonen_adapt.magnetostatics.equations.conditions import Boundaries, Conditions, Value, conditions_of, fixed_values
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value, conditions_of, fixed_values
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.given_field import (
     AppliedField,
@@ -34,7 +34,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import (
     surface,
 )
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import check_elements, chosen_order, store
+from kohonen_adapt.magnetostatics.field_problem import store
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
@@ -52,7 +52,7 @@ from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.protocol import AutoOrder
 
-__all__ = ["Arguments", "ArgumentsInSpace", "check_plane_mesh", "checked_order", "solved"]
+__all__ = ["Arguments", "ArgumentsInSpace", "check_plane_mesh", "checked_choices", "checked_order", "solved"]
 
 ORDERS = range(1, 9)
 ESTIMATORS = ("residual", "recovery", "equilibrated")  # see `estimation.energy_indicators`
@@ -87,18 +87,12 @@ class Arguments:
     sides: Mapping[str, Curve] | None = None
 
     def __post_init__(self) -> None:
-        if self.estimator not in ESTIMATORS:
-            names = ", ".join(repr(name) for name in ESTIMATORS)
-            raise ValueError(f"estimator must be one of {names}; got {self.estimator!r}.")
+        order = checked_choices(self, 2, ORDERS, ESTIMATORS)
         check_materials(self.materials, 2)
         self._check_fixed()
-        order = checked_order(chosen_order(self.order, self.estimator), ", or 'auto'")
-        check_elements(order, self.curved, self.estimator)
         self._check_depth()
         self._check_sides()
         self._check_bound()
-        if self.goal is not None:
-            check_goal(self.goal, 2, self.estimator)
         # Copies, so that later changes by the caller do not alter a solved problem.
         checked = {
             "order": order,
@@ -124,16 +118,9 @@ class Arguments:
         """
         return (*self.periodic, *self.antiperiodic)
 
-    @property
-    def boundaries(self) -> Boundaries:
-        return Boundaries(
-            self.potential or {},
-            self.open_boundary,
-            self.periodic,
-            self.antiperiodic,
-            self.applied_field,
-            {name: np.asarray(x) for name, x in (self.points or {}).items()},
-        )
+    def conditions_of(self, field: Any, elements: Space | None = None) -> Conditions:
+        """Return the conditions of a solved problem, also for other elements."""
+        return conditions_of(elements or field.elements, self, field.symmetry, anchored=True)
 
     def energy_on(self, mesh: MeshTri, order: int | None = None) -> PlaneEnergy:
         order = checked_order(self.order if order is None else order)
@@ -143,7 +130,7 @@ class Arguments:
         size = partial(exact_area, sides=sides) if order > EQUIDISTANT else area
         material = coefficients(mesh, self.materials, self.ampere_turns, size)
         elements = Space(mesh, order, material.nonlinear, self.axisymmetric, sides)
-        return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self.boundaries, symmetry))
+        return PlaneEnergy.of(elements, symmetry, material, conditions_of(elements, self, symmetry))
 
     def curves(self, mesh: MeshTri) -> dict[str, Arc]:
         """Return the arcs on which a rotating body ends, if its torque is the goal.
@@ -223,9 +210,32 @@ class Arguments:
         return x, y
 
 
-def checked_order(order: int, alternative: str = "") -> int:
-    if order not in ORDERS or isinstance(order, bool):
-        raise ValueError(f"order of the elements must be a whole number from 1 to 8{alternative}; got {order!r}.")
+def checked_choices(problem: Any, dim: int, orders: range, estimators: Sequence[str]) -> int:
+    """Return the order of the elements of a problem, and check its estimator, order and goal."""
+    estimator, order = problem.estimator, problem.order
+    if estimator not in estimators:
+        raise ValueError(f"estimator must be one of {', '.join(map(repr, estimators))}; got {estimator!r}.")
+    if isinstance(order, AutoOrder) or str(order) == "auto":
+        # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space
+        order = AutoOrder(2 if estimator == "residual" else 1)
+    checked_order(order, orders, ", or 'auto'")
+    if not isinstance(problem.curved, bool):
+        raise ValueError(f"curved must be True or False; got {problem.curved!r}.")
+    if order > 1 and estimator != "residual":
+        raise ValueError(
+            f"elements of order {order} have the estimator 'residual' only; got {estimator!r}. "
+            "Set order=1 for other estimators."
+        )
+    if problem.goal is not None:
+        check_goal(problem.goal, dim, estimator)
+    return order
+
+
+def checked_order(order: int, orders: range = ORDERS, alternative: str = "") -> int:
+    if order not in orders or isinstance(order, bool):
+        raise ValueError(
+            f"order of the elements must be a whole number from 1 to {orders[-1]}{alternative}; got {order!r}."
+        )
     return order
 
 
@@ -332,7 +342,7 @@ class ArgumentsInSpace:
         mesh = elements.corners
         for name in potential:
             surface(mesh, name, "potential")
-        fixed, values = fixed_values(elements, Boundaries(potential))
+        fixed, values = fixed_values(elements, potential, {})
         for name, mirror in mirrors.items():
             _check_field(drive, name, mirror)
             if mirror.kind == "normal":

@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.equations.conditions import fixed_values, ties_of
+from kohonen_adapt.magnetostatics.equations.conditions import ties_of
 from kohonen_adapt.magnetostatics.error_by_orders import FROM_BELOW, goal_indicators_by_orders, indicators_by_orders
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
@@ -108,7 +108,7 @@ def equal_materials(field: MagneticField, materials: Mapping[str, Material]) -> 
 
 
 def equilibrated_bound(problem: Arguments, field: Field) -> Floats:
-    coefficients, fixed = field.coefficients, fixed_values(field.elements, problem.boundaries)[0]
+    coefficients, fixed = field.coefficients, problem.conditions_of(field).fixed
     given = {"source": coefficients.current_density, "flux": coefficients.flux, "fixed": fixed}
     if not coefficients.nonlinear_materials:
         return equilibrated(field.mesh, field.potential, coefficients.reluctivity, **given)
@@ -167,7 +167,7 @@ def goal_indicators(problem: Arguments, field: Field, goal: Goal) -> Floats:
             for mean, corners in zip(fluxes, turned, strict=True)
         ]
     # On paired sides and on the open boundary the imbalance of the field is no part of the estimate.
-    conditions = energy_of(problem, field).conditions
+    conditions = problem.conditions_of(field)
     fixed = conditions.fixed_or_tied
     if conditions.open_boundary is not None:
         fixed = fixed | (conditions.open_boundary.matrix.diagonal() > 0.0)

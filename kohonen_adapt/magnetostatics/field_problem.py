@@ -11,10 +11,10 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, unit_of_goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.problem.protocol import AutoOrder, CheckedProblem, NotOffered
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
 
-__all__ = ["FieldProblem", "check_elements", "chosen_order", "store"]
+__all__ = ["FieldProblem", "store"]
 
 ROUNDING = 1e-12  # sum of the indicators of a goal, relative to its value, that rounding errors make
 
@@ -203,23 +203,7 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         return float(np.sqrt(field.squared_norm))
 
 
-def chosen_order(order: int, estimator: str) -> int:
-    # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space
-    automatic = isinstance(order, AutoOrder) or str(order) == "auto"
-    return AutoOrder(2 if estimator == "residual" else 1) if automatic else order
-
-
 def store(problem: object, values: Mapping[str, Any]) -> None:
     """Set checked arguments of a frozen problem."""
     for name, value in values.items():
         object.__setattr__(problem, name, value)
-
-
-def check_elements(order: int, curved: object, estimator: str) -> None:
-    if not isinstance(curved, bool):
-        raise ValueError(f"curved must be True or False; got {curved!r}.")
-    if order > 1 and estimator != "residual":
-        raise ValueError(
-            f"elements of order {order} have the estimator 'residual' only; got {estimator!r}. "
-            "Set order=1 for other estimators."
-        )

@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators import residual
 from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
-from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value, circle_of, conditions_of
+from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value, circle_of
 from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse, Scaled
 from kohonen_adapt.magnetostatics.quantities.field import Field
@@ -88,8 +88,7 @@ def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> R
 
 
 def functional_of(problem: Arguments, field: Field) -> Ritz:
-    coefficients, boundaries, symmetry = field.coefficients, problem.boundaries, field.symmetry
-    conditions = conditions_of(field.elements, boundaries, symmetry, anchored=True)
+    coefficients, symmetry, conditions = field.coefficients, field.symmetry, problem.conditions_of(field)
     present, first, region = coefficients.present(problem.materials)
     flux: Flux = symmetry.flux(coefficients.coercivity[:, first])
     if any(material.turns for material in present.values()):
@@ -102,16 +101,16 @@ def functional_of(problem: Arguments, field: Field) -> Ritz:
         own = (material.bh for material in present.values() if material.bh is not None)
         scaled = {id(law): Scaled(law, symmetry.extent) for law in own}
         laws = [scaled.get(id(law)) for law in laws]  # equal laws stay identical
-    robin, name = dict[str, tuple[float, Value]](), boundaries.open_boundary
+    robin, name = dict[str, tuple[float, Value]](), problem.open_boundary
     if name is not None:
         centre, radius = circle_of(field.mesh, name)
 
         def load(x: Floats) -> Floats:
-            applied, dimension = symmetry.uniform(x, centre, boundaries.applied_field)
+            applied, dimension = symmetry.uniform(x, centre, problem.applied_field)
             return symmetry.extent * dimension / radius * applied
 
         robin[name] = symmetry.extent / (VACUUM_PERMEABILITY * radius), load
-    signed = ((1, boundaries.periodic), (-1, boundaries.antiperiodic))
+    signed = ((1, problem.periodic), (-1, problem.antiperiodic))
     return Ritz(
         field.unknown,
         conditions.fixed,

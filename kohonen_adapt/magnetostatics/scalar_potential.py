@@ -9,9 +9,8 @@ import numpy as np
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import is_count
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
-from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
+from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, checked_choices, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
 from kohonen_adapt.magnetostatics.equations.energy import coenergy
 from kohonen_adapt.magnetostatics.error_by_orders import (
@@ -20,11 +19,11 @@ from kohonen_adapt.magnetostatics.error_by_orders import (
     indicators_beside_edges,
     step_to,
 )
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, check_elements, chosen_order, store
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem, store
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal, check_goal_on
+from kohonen_adapt.magnetostatics.quantities.goals import Goal, check_goal_on
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solid_estimation import (
     HIGHEST_WITH_SURPLUS,
@@ -35,7 +34,7 @@ from kohonen_adapt.magnetostatics.solid_estimation import (
     goal_indicators_in_space,
     with_surplus,
 )
-from kohonen_adapt.magnetostatics.strong_corners import materials_in_space
+from kohonen_adapt.magnetostatics.strong_corners import materials_of
 from kohonen_adapt.magnetostatics.vector_potential import MagneticVectorPotential
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.singular_edges import singular_edges
@@ -126,16 +125,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        store(self, {"order": chosen_order(self.order, self.estimator)})
-        if not is_count(self.order) or self.order not in ORDERS:
-            raise ValueError(
-                f"order of MagneticScalarPotential must be a whole number from 1 to 6; got {self.order!r}."
-            )
-        if self.estimator not in ESTIMATORS:
-            raise ValueError(f"estimator must be 'residual', 'recovery' or 'bracket'; got {self.estimator!r}.")
-        check_elements(self.order, self.curved, self.estimator)
-        if self.goal is not None:
-            check_goal(self.goal, 3, self.estimator)
+        store(self, {"order": checked_choices(self, 3, ORDERS, ESTIMATORS)})
 
     @property
     def orders(self) -> tuple[int, int]:
@@ -365,7 +355,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         >>> edges.shape[1], corners.size
         (24, 8)
         """
-        return singular_edges(mesh, materials_in_space(self, field))
+        return singular_edges(mesh, materials_of(self, field))
 
     def ritz(self, mesh: MeshTet, field: SolidField) -> Ritz:
         """Return the co-energy functional and its minimiser, the potential.

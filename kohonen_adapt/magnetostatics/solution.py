@@ -7,7 +7,6 @@ from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.arguments import Arguments
-from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
@@ -105,7 +104,7 @@ def energy_of(problem: Arguments, field: Field, order: int | None = None) -> Pla
         elements = field.elements.at_order(order)
     else:
         elements = Space(field.mesh, order, field.coefficients.nonlinear, field.axisymmetric)
-    conditions = conditions_of(elements, problem.boundaries, field.symmetry, anchored=True)
+    conditions = problem.conditions_of(field, elements)
     return PlaneEnergy.of(elements, field.symmetry, field.coefficients, conditions)
 
 

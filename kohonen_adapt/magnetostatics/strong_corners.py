@@ -4,13 +4,14 @@ A field ``r^l s(angle)`` has the energy ``r^2l`` around its corner. With a small
 elements at the corner. What these miss changes the field everywhere, although neither jumps nor averages of H show it.
 """
 
+from typing import Any
+
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.geometry.singular_layers import FACTOR, RESOLVED, sizes_at, with_layers_at
-from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
-from kohonen_adapt.magnetostatics.equations.conditions import conditions_of
+from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.solution import unknown_of
@@ -19,7 +20,7 @@ from kohonen_adapt.mesh.corners import Materials, corner_exponents
 from kohonen_adapt.mesh.elements.exponents import STRONG
 from kohonen_adapt.problem.singular_nodes import materials_with
 
-__all__ = ["layer_counts", "layered", "materials_in_space", "materials_of", "strong_corners", "with_strong_corners"]
+__all__ = ["layer_counts", "layered", "materials_of", "strong_corners", "with_strong_corners"]
 
 LEFT = 0.02  # fraction of the squared error at a corner after enough layers
 ROOM = 10.0  # least size of elements in layers, as a multiple of `RESOLVED`
@@ -48,23 +49,15 @@ def layered(problem: Arguments, mesh: MeshTri, nodes: Ints, counts: Ints) -> tup
     return mesh, total
 
 
-def materials_of(problem: Arguments, field: Field) -> Materials:
-    conditions = conditions_of(field.elements, problem.boundaries, field.symmetry, anchored=True)
-    return _materials(field, field.coefficients.reluctivity, field.coefficients.flux, conditions.fixed)
-
-
-def materials_in_space(problem: ArgumentsInSpace, field: SolidField) -> Materials:
-    permeability, remanence = 1.0 / field.coefficients.reluctivity, field.coefficients.remanence
-    fixed = problem.conditions_of(field).fixed
-    return _materials(field, permeability, remanence, fixed)._replace(flux=remanence)
-
-
-def _materials(field: Field | SolidField, coefficient: Floats, flux: Floats, fixed: Mask) -> Materials:
-    coefficients = field.coefficients
-    law = np.where(coefficients.nonlinear, coefficients.material_index, -1)
-    constant = None if coefficients.varying_magnets else flux
-    data = coefficient, law, coefficients.material_index, constant, fixed
-    return materials_with(field.elements.corners, *data, field.order)
+def materials_of(problem: Any, field: Field | SolidField) -> Materials:
+    coefficients, in_space = field.coefficients, isinstance(field, SolidField)
+    coefficient = 1.0 / coefficients.reluctivity if in_space else coefficients.reluctivity
+    flux, kind = coefficients.remanence if in_space else coefficients.flux, coefficients.material_index
+    law = np.where(coefficients.nonlinear, kind, -1)
+    # A magnet that varies has no jump at its elements, and in the plane no constant.
+    constant, fixed = None if coefficients.varying_magnets else flux, problem.conditions_of(field).fixed
+    found = materials_with(field.elements.corners, coefficient, law, kind, constant, fixed, field.order)
+    return found._replace(flux=flux) if in_space else found
 
 
 def with_strong_corners(problem: Arguments, field: Field, indicators: Floats) -> Floats:

@@ -194,7 +194,7 @@ def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
     plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 7").replace("remanence = [0.0, 0.0, 1.2]", "")
     (folder / "case.toml").write_text(plain)
     assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
-    assert "order of MagneticScalarPotential must be a whole number from 1 to 6; got 7." in capsys.readouterr().err
+    assert "order of the elements must be a whole number from 1 to 6, or 'auto'; got 7." in capsys.readouterr().err
     for key in ("z", "x"):
         text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
         text += f'\n[outputs.pull]\nquantity = "flux_density"\nat = [0.05, 0.04]\ncomponent = "{key}"\n'

@@ -306,7 +306,7 @@ def test_bad_input():
     refused("symmetry has 'left', which is no surface", symmetry={"left": "normal"})
     refused("symmetry of 'z-' must be 'parallel' or 'normal'", symmetry={"z-": "odd"})
     refused("'outer' must be plane", symmetry={"outer": "normal"})
-    refused("estimator must be 'residual', 'recovery' or 'bracket'", estimator="equilibrated")
+    refused("estimator must be one of 'residual', 'recovery', 'bracket'", estimator="equilibrated")
     refused("applied_field must be a function", applied_field=(1.0, 2.0))
     refused(r"applied_field must have shape \(3, n\)", applied_field=lambda x: x[:2], potential={"outer": 0.0})
     refused("potential must map names", potential=0.0)

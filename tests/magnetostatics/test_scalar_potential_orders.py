@@ -368,7 +368,7 @@ def test_elements_at_edges_of_a_block_and_none_at_a_ball():
 
 @pytest.mark.parametrize("order", [0, 7, True, "2"])
 def test_orders_other_than_1_to_6_are_refused(order):
-    with pytest.raises(ValueError, match=r"^order of MagneticScalarPotential must be a whole number from 1 to 6; got "):
+    with pytest.raises(ValueError, match=r"^order of the elements must be a whole number from 1 to 6, or 'auto'; got "):
         MagneticScalarPotential({"air": AIR}, order=order)
 
 

@@ -1,7 +1,8 @@
 """Boundary conditions of the unknowns on a mesh."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,22 +19,12 @@ from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.names import connected_components_of, named, named_sets, nodes_of_points, outer_facets_of
 
-__all__ = ["Boundaries", "Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
+__all__ = ["Conditions", "Value", "circle_of", "conditions_of", "fixed_values", "ties_of"]
 
 CONTRADICTION = 1e-9  # allowed difference of values at tied nodes, relative to the largest fixed value
 ROUND = 1e-3  # allowed distance of nodes of an open boundary from the circle, relative to the radius
 
 Value = float | Callable[[Floats], ArrayLike]
-
-
-@dataclass(frozen=True)
-class Boundaries:
-    potential: Mapping[str, Value]
-    open_boundary: str | None = None
-    periodic: Sequence[Pair] = ()
-    antiperiodic: Sequence[Pair] = ()
-    applied_field: tuple[float, float] = (0.0, 0.0)  # in A/m, beyond the open boundary
-    points: Mapping[str, Floats] = field(default_factory=dict)  # (2, n) each
 
 
 @dataclass(frozen=True)
@@ -107,16 +98,17 @@ class Conditions:
         return result
 
 
-def conditions_of(elements: Space, boundaries: Boundaries, symmetry: Symmetry, anchored: bool = False) -> Conditions:
-    fixed, values = fixed_values(elements, boundaries)
+def conditions_of(elements: Space, given: Any, symmetry: Symmetry, anchored: bool = False) -> Conditions:
+    """Return the conditions of the arguments of a plane problem."""
+    fixed, values = fixed_values(elements, given.potential, given.points)
     values, axis = symmetry.unknown(elements.doflocs, values), symmetry.on_axis(elements.doflocs)
     fixed, values = fixed | axis, np.where(axis, 0.0, values)
     open_boundary = None
-    if boundaries.open_boundary is not None:
-        open_boundary = open_boundary_of(elements, boundaries.open_boundary, symmetry, boundaries.applied_field)
+    if given.open_boundary is not None:
+        open_boundary = open_boundary_of(elements, given.open_boundary, symmetry, given.applied_field)
     ties = None
-    if boundaries.periodic or boundaries.antiperiodic:
-        ties = ties_of(elements, boundaries.periodic, boundaries.antiperiodic)
+    if given.periodic or given.antiperiodic:
+        ties = ties_of(elements, given.periodic, given.antiperiodic)
         fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
     if not anchored:
         check_anchored(elements.corners.facets, elements.corners.nvertices, fixed, open_boundary, ties)
@@ -164,11 +156,11 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     return centre, radius
 
 
-def fixed_values(elements: Space, boundaries: Boundaries) -> tuple[Mask, Floats]:
+def fixed_values(elements: Space, potential: Mapping[str, Value], points: Mapping[str, Floats]) -> tuple[Mask, Floats]:
     x, mesh = elements.doflocs, elements.corners
-    at_points = nodes_of_points(mesh, boundaries.points)
+    at_points = nodes_of_points(mesh, points)
     fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
-    for name, value in boundaries.potential.items():
+    for name, value in potential.items():
         rows = at_points[name] if name in at_points else _on_boundary(elements, name)
         fixed[rows] = True
         values[rows] = finite_values(f"potential of {name!r}", value, x[:, rows], rows.shape)
