@@ -203,7 +203,7 @@ def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: s
 
 
 def finite_values(name: str, value: Any, x: Floats, shape: tuple[int, ...], remedy: str = "") -> Floats:
-    """Return the finite values of a function of points (d, n), or of a number, in a shape.
+    """Return the values of a function of points (d, n) in a shape, and refuse others.
 
     `remedy` is the end of the message about values that are not finite.
     """

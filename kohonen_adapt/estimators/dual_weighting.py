@@ -9,7 +9,7 @@ from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux, 
 from kohonen_adapt.estimators.equilibration import equilibrated_correction, fixed_nodes
 from kohonen_adapt.estimators.recovery_estimator import recovered_correction, regions_of
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, residual_of
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, check_kind
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.elements.functions import nodes
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import count_unknowns
@@ -17,7 +17,7 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["goal_error", "goal_oriented"]
 
-Arguments = tuple[ArrayLike, ArrayLike | None, ArrayLike | None]  # nodal values, source and flux of one problem
+Data = tuple[ArrayLike | None, ArrayLike | None]  # source and flux of one problem
 
 
 def goal_oriented(
@@ -98,13 +98,12 @@ def goal_oriented(
     >>> eta = ka.estimators.goal_oriented(mesh, u, u, np.ones(8), source=load, dual_source=load)  # goal: int u
     >>> density = ka.density_from_indicators(mesh, eta)
     """
-    check_mesh(mesh, curved=True, space=True)
-    primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
-    order = _order_of(mesh, potential)
+    data = (source, flux), (dual_source, dual_flux)
+    first, second = _problems(mesh, potential, dual, reluctivity, *data)
+    order = first.space.order
     if order == 1:
-        return np.sqrt(np.abs(_contributions(mesh, reluctivity, fixed, region, primal, weight)))
-    product = np.multiply(*map(residual_of, _primal_and_dual(mesh, reluctivity, order, primal, weight)))
-    return HIGHER_SCALES[order] * np.sqrt(product)
+        return np.sqrt(np.abs(_contributions(first, second, fixed, region)))
+    return HIGHER_SCALES[order] * np.sqrt(residual_of(first) * residual_of(second))
 
 
 def goal_error(
@@ -167,43 +166,31 @@ def goal_error(
     >>> bool(0.9 * error < estimate < error)
     True
     """
-    check_mesh(mesh, curved=True, space=True)
-    primal, weight = (potential, source, flux), (dual, dual_source, dual_flux)
-    order = _order_of(mesh, potential)
-    if order == 1:  # also in the plane, to refuse values that do not solve their problem
-        parts = _contributions(mesh, reluctivity, fixed, region, primal, weight)
+    data = (source, flux), (dual_source, dual_flux)
+    first, second = _problems(mesh, potential, dual, reluctivity, *data)
+    if first.space.order == 1:  # also in the plane, to refuse values that do not solve their problem
+        parts = _contributions(first, second, fixed, region)
         if cell_of(mesh) is not TRIANGLE:
             return float(np.sum(parts))
-    return _weighted_residual(*_primal_and_dual(mesh, reluctivity, order, primal, weight), fixed)
+    return _weighted_residual(first, second, fixed)
 
 
-def _order_of(mesh: Mesh, potential: ArrayLike) -> int:
-    if cell_of(mesh) is not TRIANGLE:
-        return 1
-    return next((order for order in (2, 3) if np.size(potential) == count_unknowns(mesh, order)), 1)
-
-
-def _primal_and_dual(
-    mesh: Mesh, reluctivity: ArrayLike, order: int, primal: Arguments, dual: Arguments
+def _problems(
+    mesh: Mesh, potential: ArrayLike, dual: ArrayLike, reluctivity: ArrayLike, data: Data, dual_data: Data
 ) -> tuple[DiscreteFlux, DiscreteFlux]:
-    (u, *data), (z, *dual_data) = primal, dual
-    first = discrete_flux(mesh, u, reluctivity, data[0], data[1], order)
+    check_mesh(mesh, curved=True, space=True)
+    orders = (2, 3) if cell_of(mesh) is TRIANGLE else ()
+    order = next((order for order in orders if np.size(potential) == count_unknowns(mesh, order)), 1)
+    first = discrete_flux(mesh, potential, reluctivity, *data, order)
     with of_dual():
-        return first, discrete_flux(mesh, z, reluctivity, dual_data[0], dual_data[1], order)
+        return first, discrete_flux(mesh, dual, reluctivity, *dual_data, order)
 
 
 def _contributions(
-    mesh: Mesh,
-    reluctivity: ArrayLike,
-    fixed: ArrayLike | None,
-    region: ArrayLike | None,
-    primal: Arguments,
-    dual: Arguments,
+    first: DiscreteFlux, second: DiscreteFlux, fixed: ArrayLike | None, region: ArrayLike | None
 ) -> Floats:
-    """Return the signed ``int_K t_u . t_z / nu`` of every element, in the unit of J."""
-    check_kind(mesh, space=True)
-    first, second = _primal_and_dual(mesh, reluctivity, 1, primal, dual)
-    if cell_of(mesh) is TRIANGLE:
+    # Parts of the error of the goal at order 1, (nelements,).
+    if first.space.dim == TRIANGLE.dim:
         one = equilibrated_correction(first, fixed)
         with of_dual():
             return first.product(one, equilibrated_correction(second, fixed))

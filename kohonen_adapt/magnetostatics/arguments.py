@@ -211,7 +211,7 @@ class Arguments:
 
 
 def checked_choices(problem: Any, dim: int, orders: range, estimators: Sequence[str]) -> int:
-    """Return the order of the elements of a problem, and check its estimator, order and goal."""
+    """Check estimator, order and goal of a problem, and return the order."""
     estimator, order = problem.estimator, problem.order
     if estimator not in estimators:
         raise ValueError(f"estimator must be one of {', '.join(map(repr, estimators))}; got {estimator!r}.")

@@ -110,7 +110,7 @@ def _squared_change(here: Energy, u: Floats, below: Energy, solution: Floats) ->
 
 
 def sums_over_changes(before: Floats, now: Floats, order: int, singular: Mask | None) -> Floats:
-    """Return the sum of all squared changes from `order` on, over the first, `now`, of the group of every element."""
+    # Sum of all squared changes from `order` on, over the first, `now`, of the group of every element.
     found, place = np.ones_like(now), order + 0.5
     for group in [np.ones(now.size, dtype=np.bool_)] if singular is None else [singular, ~singular]:
         first, second = before[group].sum(), now[group].sum()

@@ -75,7 +75,7 @@ def joined_names(names: Names) -> str:
 
 
 def outer_facets_of(mesh: Mesh, name: str, what: str) -> Ints:
-    """Return the facets of a named boundary, `what` in messages, which must all be on the outer boundary."""
+    """Return the facets of a boundary that must be on the outside."""
     facets = np.asarray(named(mesh.boundaries, name, "boundary"))
     number_facets(mesh)
     inside = int(np.count_nonzero(mesh.f2t[1, facets] >= 0))

@@ -138,20 +138,14 @@ class Unknowns:
         # at positions from 0 to 1 along all edges, (d, nedges, n)
         if isinstance(self.shape, Blended):
             return self.shape.facet_points(np.arange(self.corners.nfacets), at)[0]
-        start, end = self.corners.p[:, self._edge_ends].swapaxes(0, 1)
-        return (start[..., None] + at * (end - start)[..., None]) + 4.0 * at * (1.0 - at) * self._offset[..., None]
-
-    @property
-    def _edge_ends(self) -> Ints:
-        return self.corners.facets if self.dim == 2 else self.corners.edges
-
-    @property
-    def _offset(self) -> Floats:
-        # midside offsets of all edges, (d, nedges)
-        return self.shape.side_offset
+        edges = self.corners.facets if self.dim == 2 else self.corners.edges
+        start, end = self.corners.p[:, edges].swapaxes(0, 1)
+        return (start[..., None] + at * (end - start)[..., None]) + 4.0 * at * (1.0 - at) * self.shape.side_offset[
+            ..., None
+        ]
 
     def on_facets(self, given: Ints | None = None) -> Ints:
-        """Return the unknowns of facets, by default of all, at corners first, (k, nfacets)."""
+        """Return the unknowns of facets, at corners first, (k, nfacets)."""
         number_facets(self.corners)
         facets = np.arange(self.corners.nfacets) if given is None else given
         found, first = [self.corners.facets[:, facets]], self.corners.nvertices
@@ -210,7 +204,7 @@ class Unknowns:
         x, rates = np.einsum("i,cin->cn", barycentric, corners), corners.copy()
         if self.curved.any():
             for (a, b), edge in zip(FACET_EDGES[self.dim], self._facet_edges(facets), strict=True):
-                offset = 4.0 * self._offset[:, edge]
+                offset = 4.0 * self.shape.side_offset[:, edge]
                 x += barycentric[a] * barycentric[b] * offset
                 rates[:, a] += barycentric[b] * offset
                 rates[:, b] += barycentric[a] * offset
