@@ -25,6 +25,7 @@ from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.polishing.space.recycling_in_space import nodes_of
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
+from kohonen_adapt.problem.functional_value import functional_value
 
 EXACT, TABLE = 1e-11, 1e-8  # of the functional: rounding, and what tables of laws leave out
 LAWS = [(None, Rising(0.3)), (Rising(3.0), Rising())]
@@ -130,6 +131,15 @@ def started(name, seed=0):
     rough = 0.02 * np.ptp(at.trial.value) * rng.normal(size=len(at.trial.value))
     at.trial.value[:] += np.where(at.trial.fixed, 0.0, rough)
     return mesh, at
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith(("driven", "curved"))])
+def test_the_value_is_that_of_the_functional(name):
+    """Which `tests/problem/test_functional_value.py` compares with closed forms."""
+    build, ritz_on, _ = CASES[name]
+    mesh = build(1)
+    ritz = ritz_on(mesh, np.random.default_rng(1))
+    assert Start(mesh, ritz).value() == pytest.approx(functional_value(mesh, ritz), rel=1e-8)
 
 
 def is_continuous(descent):

@@ -24,23 +24,6 @@ def least(mesh, problem):
     return functional_value(mesh, problem.ritz(mesh, problem.solve(mesh)))
 
 
-def test_the_value_is_that_of_scikit_fem():
-    mesh, problem, rng = cube(seed=0), QuadraticDiffusion.random(1), np.random.default_rng(0)
-    stiffness, load = problem.system(mesh)
-    u = rng.normal(size=len(load))
-    ritz = problem.ritz(mesh, u)
-    expected = 0.5 * u @ (stiffness @ u) - load @ u
-    assert functional_value(mesh, ritz) == pytest.approx(expected, rel=1e-12)
-    movable = MovableSolid.of(mesh, Rules())
-    functional = SolidFunctional.of(ritz, movable, mesh)
-    own = functional.value(movable.tetrahedralization, functional.solution)
-    assert own == pytest.approx(expected, rel=1e-12)
-    fixed = np.zeros(len(u), dtype=bool)
-    values = problem.basis(mesh).doflocs[0] ** 2
-    varying = Ritz(values, fixed, 1.0, source=lambda x, number: x[0] ** 4, order=2)
-    assert functional_value(mesh, varying) == pytest.approx(2.0 / 3.0 - 1.0 / 7.0, rel=1e-12)
-
-
 def test_a_solution_is_stationary_and_others_are_refused():
     for seed in range(3):
         mesh, problem = cube(seed=seed), QuadraticDiffusion.random(seed)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers.devices import shielded
 from helpers.meshes import disk as hexagonal_disk
-from helpers.scalar_problems import Cooled, slab
 from helpers.tensor_meshes import disk
 from skfem import MeshTri
 
@@ -14,18 +13,6 @@ import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.problem.functional_value import functional_value
-
-each_order = pytest.mark.parametrize("order", (1, 2, 3))
-
-
-@each_order
-def test_the_functional_is_that_of_scikit_fem(order):
-    mesh, problem = slab(), Cooled(order)
-    values = problem.solve(mesh)
-    _, matrix, load = problem.forms(mesh)
-    assert functional_value(mesh, problem.ritz(mesh, values)) == pytest.approx(
-        0.5 * values @ (matrix @ values) - load @ values, rel=1e-12
-    )
 
 
 def cylinder(k):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from helpers.solids import ball, box, two_regions
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import Basis, ElementTetP0, ElementTetP1, Functional, MeshTet, MeshTri
-from skfem.helpers import dot
+from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
@@ -45,33 +44,6 @@ def halves(n=4):
     number = np.zeros(mesh.nelements, dtype=int)
     number[mesh.subdomains["high"]] = 1
     return mesh, number
-
-
-@pytest.mark.parametrize("law", [None, Cubic()], ids=["linear", "nonlinear"])
-def test_the_value_is_that_of_scikit_fem(law):
-    (mesh, number), rng = halves(), np.random.default_rng(0)
-    values, fixed = rng.normal(size=mesh.nvertices), np.zeros(mesh.nvertices, dtype=bool)
-    coefficient, source, flux = np.array([2.0, 0.3]), rng.normal(size=2), rng.normal(size=(3, 2))
-    ritz = Ritz(values, fixed, coefficient, source, flux, number, laws=() if law is None else (None, law))
-
-    def density(w):
-        square = dot(w["u"].grad, w["u"].grad)
-        stored = 0.5 * w["nu"] * square
-        if law is not None:
-            stored = np.where(w["number"] > 0.5, law.energy(np.sqrt(square)), stored)
-        return stored - w["f"] * w["u"] - dot(w["g"], w["u"].grad)
-
-    basis = Basis(mesh, ElementTetP1(), intorder=2)
-    constants = Basis(mesh, ElementTetP0(), intorder=2)
-    fields = {name: constants.interpolate(table[number]) for name, table in (("nu", coefficient), ("f", source))}
-    fields["g"] = np.repeat(flux[:, number][:, :, None], basis.dx.shape[1], axis=2)
-    fields["number"] = constants.interpolate(number.astype(float))
-    expected = Functional(density).assemble(basis, u=basis.interpolate(values), **fields)
-    assert functional_value(mesh, ritz) == pytest.approx(expected, rel=1e-12)
-    movable = MovableSolid.of(mesh, Rules())
-    functional = SolidFunctional.of(ritz, movable, mesh)
-    told = functional.value(movable.tetrahedralization, functional.solution)
-    assert told == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_flux_has_as_many_components_as_its_mesh():

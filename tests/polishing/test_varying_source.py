@@ -6,7 +6,6 @@ from helpers.scalar_problems import Gaussians
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.problem.functional_value import functional_value
 
 PROBLEM = Gaussians(np.array([[0.3, 0.4], [0.8, 0.7]]), np.array([0.15, 0.3]))
 LINE = np.linspace(0.0, 1.0, 14)
@@ -19,14 +18,6 @@ def of_order(order, natural=""):
 
 def error(problem, mesh, exact):
     return np.sqrt(max(0.0, exact - problem.energy(mesh, problem.order)))
-
-
-@pytest.mark.parametrize("order", [1, 2, 3])
-@pytest.mark.parametrize("natural", ["", "right"])
-def test_the_functional_is_that_of_the_function(order, natural):
-    problem = of_order(order, natural)
-    value = functional_value(SQUARE, problem.ritz(SQUARE, problem.solve(SQUARE)))
-    assert value == pytest.approx(-0.5 * problem.energy(SQUARE, order), rel=1e-8)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])

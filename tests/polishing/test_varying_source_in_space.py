@@ -74,11 +74,6 @@ PROBLEMS = [
 
 
 @pytest.mark.parametrize(("mesh", "problem"), PROBLEMS)
-def test_the_functional_is_that_of_the_function(mesh, problem):
-    assert problem.functional(mesh) == pytest.approx(-0.5 * problem.energy(mesh), rel=1e-8)
-
-
-@pytest.mark.parametrize(("mesh", "problem"), PROBLEMS)
 def test_the_polish_lowers_the_error_by_a_tenth_and_more(mesh, problem):
     exact = problem.energy(mesh, ElementTetP2())
     better = ka.polish(mesh, problem)
