@@ -64,5 +64,7 @@ def inverses(matrix: csr_matrix, stars: Sequence[Ints]) -> tuple[Ints, Singles]:
         place[star] = -1
         factor, failed = spotrf(block.T, overwrite_a=True)
         upper = np.eye(star.size, dtype=np.float32) if failed else spotri(factor, overwrite_c=True)[0]
-        inverse[: star.size, : star.size] = upper + np.triu(upper, 1).T
+        inverse[: star.size, : star.size] = upper + upper.T
+    diagonal = np.arange(size)  # of both triangles
+    found[:, diagonal, diagonal] *= 0.5
     return rows, found
