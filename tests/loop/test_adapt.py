@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, field
 from itertools import pairwise
+from time import perf_counter
 
+import numba
 import numpy as np
 import pytest
 from helpers.meshes import square
@@ -128,6 +130,20 @@ def test_a_pass_describes_its_mesh_and_the_relocation_that_made_it():
     assert set(first.seconds) == set(second.seconds) == {"solve", "estimate", "relocate", "polish"}
     assert first.seconds["relocate"] == 0.0 < second.seconds["relocate"]
     assert min(first.seconds["solve"], first.seconds["estimate"], second.seconds["solve"]) > 0.0
+
+
+def test_the_time_of_compiling_is_no_time_of_a_step():
+    class Slow(Left):
+        def solve(self, mesh):
+            start = perf_counter()
+            if self.solves == 1:
+                numba.njit(lambda x: np.sort(x).sum() + np.linalg.norm(x))(mesh.p[0].copy())
+            self.wall = perf_counter() - start
+            return super().solve(mesh)
+
+    problem = Slow()
+    step = ka.adapt(MESH, problem, passes=1, polish=False).history[1]
+    assert step.seconds["solve"] + step.compile_seconds >= problem.wall > step.seconds["solve"]
 
 
 def test_no_energy_norm_is_none():
