@@ -1,7 +1,6 @@
 """Second-order files: meshes with bent sides in and out, and curves through the midside nodes."""
 
 import logging
-import sys
 
 import meshio
 import numpy as np
@@ -233,37 +232,6 @@ def test_a_middle_that_is_not_finite_is_refused(tmp_path):
         ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
     ):
         read_curves(path, mesh)
-
-
-def test_nodes_and_facets_pass_through_no_loop_of_python(tmp_path):
-    """Four times the mesh takes as many lines of Python."""
-    lines = []
-    for count in (32, 128):
-        mesh = annulus(count)
-        path = write_second_order(tmp_path / f"{count}.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
-        read = read_mesh(path)
-        lines.append(lines_run(lambda path=path, read=read: read_curves(path, read)))
-    assert lines[1] < 1.3 * lines[0]
-
-
-def lines_run(call):
-    """How many lines of the package a call executes."""
-    count = 0
-
-    def trace(frame, event, argument):
-        nonlocal count
-        if "kohonen_adapt" not in frame.f_code.co_filename:
-            return None
-        count += event == "line"
-        return trace
-
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        call()
-    finally:
-        sys.settrace(before)
-    return count
 
 
 DRAWING = """
