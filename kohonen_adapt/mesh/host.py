@@ -16,6 +16,7 @@ from kohonen_adapt.mesh.cells import cell_of
 __all__ = [
     "ascending",
     "count_unknowns",
+    "edges_around",
     "edges_between",
     "edges_in",
     "facets_opposite",
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 Host = TypeVar("Host", bound=Mesh)
+FACET_EDGES = (0, 1), (1, 2), (0, 2)  # corners of the edges of a face
 CONNECTIVITY = "_facets", "_t2f", "_f2t", "_edges", "_t2e"
 Names = Mapping[str, Ints] | None
 
@@ -92,6 +94,14 @@ def edges_between(mesh: Mesh, one: Ints, other: Ints) -> Ints:
     number_edges(mesh)
     nnodes = mesh.p.shape[1]
     return np.searchsorted(keys_of(mesh.edges, nnodes), keys_of(ascending(one, other), nnodes))
+
+
+def edges_around(mesh: Mesh, facets: Ints | slice) -> Ints:
+    """Return the edges of facets, (3, n), in the plane the facets themselves."""
+    if len(mesh.p) == 2:
+        return np.arange(mesh.facets.shape[1])[None, facets]
+    corners = mesh.facets[:, facets]
+    return np.stack([edges_between(mesh, corners[i], corners[j]) for i, j in FACET_EDGES])
 
 
 def facets_opposite(mesh: Mesh, node: Ints) -> Ints:

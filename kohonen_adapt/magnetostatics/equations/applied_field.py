@@ -15,7 +15,6 @@ from kohonen_adapt.magnetostatics.equations.given_field import (
     AppliedField,
     Sources,
     circulations,
-    edges_around,
     field_at,
 )
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, subdomains_at
@@ -24,7 +23,7 @@ from kohonen_adapt.mesh.cells import centroids_of, facet_normals
 from kohonen_adapt.mesh.elements.functions import nodes, reference_functions
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import ascending, edges_in, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import ascending, edges_around, edges_in, keys_of, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES, hat_gradients, is_in_front
 from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE

@@ -10,12 +10,12 @@ from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
-from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS, edges_around
+from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS
 from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.cells import crossed as cross_product
 from kohonen_adapt.mesh.elements.assembly import Reduced
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import ascending, elements_of, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import ascending, edges_around, elements_of, keys_of, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES, is_in_front, magnitude
 from kohonen_adapt.mesh.names import connected_components_of
 

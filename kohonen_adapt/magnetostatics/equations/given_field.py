@@ -6,14 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
-from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.elements.functions import positions
 from kohonen_adapt.mesh.elements.rules import product_rule
-from kohonen_adapt.mesh.host import edges_between
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.boundary_terms import AppliedField
 
@@ -23,12 +21,10 @@ __all__ = [
     "Sources",
     "checked_field",
     "circulations",
-    "edges_around",
     "field_at",
 ]
 
 
-FACET_EDGES = ((0, 1), (1, 2), (0, 2))
 FACET_SIGNS = np.array([1.0, 1.0, -1.0])
 # Points of Lobatto's rules along a segment: seven have an error of 5e-5 at half its length from a wire. Fewer suffice
 # farther away, where the distance from the middle to all currents is at least a number of half lengths.
@@ -57,15 +53,6 @@ def field_at(function: AppliedField, x: Floats) -> Floats:
         " A node or the centroid of an element is on a wire: give the wire a cross-section, or keep nodes off the wire."
     )
     return finite_values("applied_field", function, x, x.shape, remedy)
-
-
-def edges_around(mesh: MeshTet, facets: Ints | slice) -> Ints:
-    """Return the edges of facets, (3, n).
-
-    `FACET_SIGNS` are their signs in a path around a facet.
-    """
-    corners = np.sort(mesh.facets[:, facets], axis=0)
-    return np.stack([edges_between(mesh, corners[i], corners[j]) for i, j in FACET_EDGES])
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
 from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.elements.rules import product_rule
+from kohonen_adapt.mesh.host import FACET_EDGES
 
 __all__ = [
     "EQUIDISTANT",
@@ -56,7 +57,7 @@ ON_AXIS = np.vstack([np.zeros((1, 3)), np.eye(3), 1.0 - np.eye(3)]) > 0.0
 # Edges of hierarchical functions, by dimension: of triangles opposite to the corners. The odd functions rise from the
 # first to the second corner.
 EDGES = {1: ((0, 1),), 2: TRIANGLE.edges, 3: tuple(combinations(range(4), 2))}
-NODE_EDGES = {1: ((0, 1),), 2: ((0, 1), (1, 2), (0, 2)), 3: RefTet.edges}  # edges of nodes, as of scikit-fem
+NODE_EDGES = {1: ((0, 1),), 2: FACET_EDGES, 3: RefTet.edges}  # edges of nodes, as of scikit-fem
 
 
 @cache

@@ -13,6 +13,7 @@ from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
 from kohonen_adapt.mesh.elements.functions import (
     EQUIDISTANT,
+    NODE_EDGES,
     ON_AXIS,
     inner_order,
     kinds_at_axis,
@@ -23,13 +24,12 @@ from kohonen_adapt.mesh.elements.functions import (
     reference_functions,
 )
 from kohonen_adapt.mesh.elements.rules import facet_rule
-from kohonen_adapt.mesh.host import edges_between, number_edges, number_facets, remade
+from kohonen_adapt.mesh.host import edges_around, number_edges, number_facets, remade
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Unknowns"]
 
 ROUNDING = 1e-9  # of barycentric coordinates of nodes
-FACET_EDGES = {2: ((0, 1),), 3: ((0, 1), (1, 2), (0, 2))}  # by dimension of the mesh
 
 
 class Unknowns:
@@ -149,18 +149,13 @@ class Unknowns:
         number_facets(self.corners)
         facets = np.arange(self.corners.nfacets) if given is None else given
         found, first = [self.corners.facets[:, facets]], self.corners.nvertices
-        edges, each = self._facet_edges(facets) if self.order > 1 else [], np.arange(self.order - 1)[:, None]
-        found += [first + each.size * edge + each for edge in edges]
+        each = np.arange(self.order - 1)[:, None]
+        if self.order > 1:
+            found += [first + each.size * edge + each for edge in edges_around(self.corners, facets)]
         if self.dim == 3 and self.order > 2:
             inner = np.arange(comb(self.order - 1, 2))[:, None]
             found.append(first + each.size * self._edges[1] + inner.size * np.asarray(facets) + inner)
         return np.vstack(found)
-
-    def _facet_edges(self, facets: Ints) -> list[Ints]:
-        if self.dim == 2:
-            return [np.asarray(facets)]
-        corners = self.corners.facets[:, facets]
-        return [edges_between(self.corners, corners[a], corners[b]) for a, b in FACET_EDGES[3]]
 
     def prolongation(self, index: Ints) -> csr_array:
         """Return the functions of order 1 by their values at unknowns.
@@ -203,7 +198,7 @@ class Unknowns:
         corners = mesh.p[:, mesh.facets[:, facets]]
         x, rates = np.einsum("i,cin->cn", barycentric, corners), corners.copy()
         if self.curved.any():
-            for (a, b), edge in zip(FACET_EDGES[self.dim], self._facet_edges(facets), strict=True):
+            for (a, b), edge in zip(NODE_EDGES[self.dim - 1], edges_around(mesh, facets), strict=True):
                 offset = 4.0 * self.shape.side_offset[:, edge]
                 x += barycentric[a] * barycentric[b] * offset
                 rates[:, a] += barycentric[b] * offset
