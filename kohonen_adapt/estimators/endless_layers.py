@@ -13,10 +13,10 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
-from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import STRONG
+from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = ["with_strong_corners"]
 
@@ -122,17 +122,15 @@ def endless_at(system: System, star: Ints, place: Ints, free: Ints) -> tuple[Flo
     for at, share in zip(number, steps, strict=True):
         trace[at, first], trace[at, second] = 1.0 - share, share
     x = a[:, None] + steps[:, None] * (b - a)[:, None]
-    one, other, start, end = number[:-1], number[1:], x[:, :-1], x[:, 1:]
+    one, other = number[:-1], number[1:]
     # Two triangles of every piece, with nodes (3, 2, PIECES, n) and corners (2, 3, 2, PIECES, n).
-    nodes = np.stack([[one, one], [other, other + total], [other + total, one + total]])
-    corners = np.stack([[start, start], [end, RATIO * end], [RATIO * end, RATIO * start]]).transpose(2, 0, 1, 3, 4)
-    discrete, hats = system.discrete, TRIANGLE.hat_gradients(corners)
-    size = 0.5 * np.abs(TRIANGLE.determinant(corners))
-    matrix, loads = np.zeros((2 * total, 2 * total)), np.zeros((2 * total, 2))
-    products = np.einsum("...k,ci...k,cj...k->ij...k", size * discrete.reluctivity[star], hats, hats)
-    np.add.at(matrix, (nodes[:, None], nodes[None]), products)
-    np.add.at(loads[:, 0], nodes, -size * np.einsum("ck,ci...k->i...k", discrete.mean[:, star], hats))
-    np.add.at(loads[:, 1], nodes, np.tile(size * discrete.source[star] / 3.0, (3, 1, 1, 1)))
+    triangles = np.reshape([[one, one], [other, other + total], [other + total, one + total]], (3, -1))
+    position, discrete, every = np.empty((2, total)), system.discrete, 2 * PIECES
+    position[:, number] = x
+    layer = Space(MeshTri(np.hstack((position, RATIO * position)), triangles), 1)
+    matrix = layer.stiffness(np.tile(discrete.reluctivity[star], every), np.arange(2 * total)).matrix.toarray()
+    flux, source = (np.tile(each, every) for each in (-discrete.mean[:, star], discrete.source[star]))
+    loads = np.stack([layer.loads(0.0 * source, flux), layer.loads(source, 0.0 * flux)], axis=1)
     kept = np.append(free, np.arange(count, total))
     both = np.append(kept, kept + total)
     layers, load, removed = endless(matrix[np.ix_(both, both)], loads[both])
