@@ -1,5 +1,6 @@
 """Array types, arrays with spare rows, and sorted rows."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Floats",
+    "Function",
     "Ints",
     "Mask",
     "counted",
@@ -21,6 +23,7 @@ __all__ = [
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
 Mask = NDArray[np.bool_]
+Function = Callable[[Floats], Floats]
 
 
 def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:

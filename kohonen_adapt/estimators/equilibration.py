@@ -3,13 +3,11 @@
 A flux in exact equilibrium with the source bounds the error in the energy norm from above.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Function, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
@@ -141,8 +139,8 @@ def duality_gap(
     mesh: MeshTri,
     potential: ArrayLike,
     field: ArrayLike,
-    energy: Callable[[Floats], Floats],
-    coenergy: Callable[[Floats], Floats],
+    energy: Function,
+    coenergy: Function,
     *,
     flux: ArrayLike | None = None,
 ) -> Floats:
@@ -214,7 +212,7 @@ def duality_gap(
     return np.sqrt(2.0 * area(mesh) * np.maximum(weights @ gap, 0.0))
 
 
-def _densities(name: str, function: Callable[[Floats], Floats], values: Floats) -> Floats:
+def _densities(name: str, function: Function, values: Floats) -> Floats:
     densities = np.asarray(function(values))
     if densities.shape != values.shape or not np.all(np.isfinite(densities)):
         raise ValueError(

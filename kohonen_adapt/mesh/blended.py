@@ -6,7 +6,7 @@ lambda_i x_i + 4 sum_k lambda_a lambda_b e_k(lambda_b - lambda_a)`` (B. Szabo an
 1991, section 6.2), which for parabolas is the isoparametric map of order 2.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from math import factorial
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Function, Ints
 from kohonen_adapt.mesh.curved import AFTER, Isoparametric
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.measures import area
@@ -22,7 +22,7 @@ from kohonen_adapt.mesh.names import named
 
 __all__ = ["Blended", "Projections", "exact_area", "is_folded"]
 
-Projections = Mapping[str, Callable[[Floats], Floats]]  # boundary name to the projection onto its curve
+Projections = Mapping[str, Function]  # boundary name to the projection onto its curve
 
 ROUND = 1e-6  # shift of a midside node along the chord, relative to its offset, up to which the side is an arc
 DEGREE = 26  # of the quadrature of areas
@@ -82,7 +82,7 @@ class Blended(Isoparametric):
         return x, tangent
 
 
-def fitted_series(start: Floats, end: Floats, offset: Floats, project: Callable[[Floats], Floats]) -> Floats:
+def fitted_series(start: Floats, end: Floats, offset: Floats, project: Function) -> Floats:
     """Return e of sides on a curve, through Chebyshev points, (FITTED, 2, n)."""
     if not start.size:
         return np.zeros((FITTED, *start.shape))

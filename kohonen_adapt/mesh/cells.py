@@ -1,6 +1,6 @@
 """Tables of the two kinds of elements, triangles and tetrahedra."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from skfem import Mesh
 from skfem.mesh import MeshTet1, MeshTet2, MeshTri1, MeshTri2
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Function, Ints
 
 __all__ = [
     "CELLS",
@@ -76,7 +76,7 @@ class Cell:
     regular: float
     size_per_node: float
     floor: float
-    hat_gradients: Callable[[Floats], Floats]
+    hat_gradients: Function
 
     def determinant(self, corners: Floats) -> Floats:
         """Return the signed ``dim! |K|``, (m,), from corners (dim, dim + 1, m).

@@ -18,10 +18,10 @@ from kohonen_adapt.problem.functional_value import (
     functions_on,
     in_blocks,
     loads_on,
-    numbers_of,
     offsets_on,
 )
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.tables import numbers_of
 
 __all__ = ["check_in_space", "check_residual", "derivatives_on", "doubts_of", "sums"]
 

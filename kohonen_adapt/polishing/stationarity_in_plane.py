@@ -11,8 +11,8 @@ from kohonen_adapt.mesh.elements.polynomials import TrialFunction, local_coeffic
 from kohonen_adapt.mesh.host import facets_opposite
 from kohonen_adapt.polishing.boundary import BoundaryTerms
 from kohonen_adapt.polishing.stationarity import check_residual, derivatives_on, doubts_of, sums
-from kohonen_adapt.problem.functional_value import numbers_of
 from kohonen_adapt.problem.ritz import Ritz
+from kohonen_adapt.problem.tables import numbers_of
 
 __all__ = ["check_in_plane"]
 

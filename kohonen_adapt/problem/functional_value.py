@@ -32,7 +32,7 @@ from kohonen_adapt.problem.boundary_terms import (
 )
 from kohonen_adapt.problem.energy import Densities, Energy
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of, plane_only_term
-from kohonen_adapt.problem.tables import constants_at, flux_at, source_at
+from kohonen_adapt.problem.tables import constants_at, flux_at, numbers_of, source_at
 
 __all__ = [
     "coefficients_on",
@@ -44,7 +44,6 @@ __all__ = [
     "in_blocks",
     "integrand",
     "loads_on",
-    "numbers_of",
     "offsets_on",
     "parts_of_element",
     "source_loads",
@@ -76,10 +75,6 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
             total += robin_value(corners, coefficients, sides, terms, part.axisymmetric, offset)
         total -= surface_work(np.asarray(part.values), nodal_terms(part.surface))
     return total
-
-
-def numbers_of(ritz: Ritz, mesh: Mesh) -> Ints:
-    return np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
 
 
 def offsets_on(mesh: Mesh, ritz: Ritz) -> Floats | None:

@@ -7,7 +7,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.corners import Materials, fixed_parts
 from kohonen_adapt.problem.ritz import Ritz
-from kohonen_adapt.problem.tables import constants_at
+from kohonen_adapt.problem.tables import constants_at, numbers_of
 
 __all__ = ["materials_of", "materials_with"]
 
@@ -33,7 +33,7 @@ def numbered(columns: Floats, region: Ints) -> Ints:
 
 
 def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:
-    region = np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    region = numbers_of(ritz, mesh)
     numbers = {id(law): number for number, law in enumerate(ritz.laws)}
     law = np.array([numbers[id(law)] for law in ritz.laws])[region] if ritz.laws else 0 * region
     coefficient, flux = constants_at(ritz.coefficient, region), None

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_values
@@ -24,6 +24,7 @@ __all__ = [
     "constants_at",
     "flux_at",
     "flux_table",
+    "numbers_of",
     "source_at",
 ]
 
@@ -140,6 +141,10 @@ def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
             f"values of an axisymmetric Ritz must be fixed to 0 on the axis x = 0; {unfixed.size} of {on_axis.size} "
             f"nodes there are not, first node {unfixed[0]}."
         )
+
+
+def numbers_of(ritz: Any, mesh: Mesh) -> Ints:  # region numbers of elements
+    return np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
 
 
 def constants_at(table: Any, region: Ints | int, *shape: int) -> Floats:

@@ -1,13 +1,13 @@
 """Quadrature rules for the winding of a coil and for its bore."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Function
 from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Winding, cross
 from kohonen_adapt.mesh.elements.rules import product_rule
 
@@ -19,7 +19,7 @@ ALONG, ACROSS, IN_BORE, IN_HEIGHT = 12, 10, 16, 12
 SAME = 1e-9  # relative distance of equal ends
 
 
-Curve = tuple[float, float, Callable[[Floats], Floats]]  # y as a function of x between two ends
+Curve = tuple[float, float, Function]  # y as a function of x between two ends
 
 
 class Currents(NamedTuple):

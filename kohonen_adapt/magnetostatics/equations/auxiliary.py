@@ -1,7 +1,6 @@
 """Conjugate gradients for edge elements."""
 
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -10,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_matrix, diags_array, tril, triu
 from scipy.sparse.linalg import splu
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Function, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Solver
@@ -25,8 +24,6 @@ FALL = 1e4  # of the error squared, in the last steps, whose rate is used
 ROUNDING = 1e-28  # residual that is rounding error, relative, squared
 
 logger = logging.getLogger("kohonen_adapt")
-
-Operator = Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class EdgeSolver(Solver):
             )
         return solution
 
-    def _conjugate_gradients(self, product: Operator, right: Floats, precondition: Operator) -> tuple[Floats, int]:
+    def _conjugate_gradients(self, product: Function, right: Floats, precondition: Function) -> tuple[Floats, int]:
         # The error squared falls by a known amount in every step (Hestenes and Stiefel, J. Res. NBS 49, 1952). The rest
         # is at most the last fall times the largest ratio of both in steps before (after Meurant, Papez and Tichy,
         # Numer. Algorithms 88, 2021).
@@ -91,7 +88,7 @@ class EdgeSolver(Solver):
             total += falls[-1]
         return solution, len(falls)
 
-    def _auxiliary(self, matrix: csr_matrix) -> Callable[[Floats], Floats] | None:
+    def _auxiliary(self, matrix: csr_matrix) -> Function | None:
         if find_spec("pyamg") is None or self.edges is None or self.conditions is None:
             return None
         import pyamg
@@ -151,7 +148,7 @@ def _nodal_matrix(matrix: csr_matrix, averages: csr_matrix, half: Floats, condit
     return nodal
 
 
-def _cycle_of(levels: list[Any]) -> Operator:
+def _cycle_of(levels: list[Any]) -> Function:
     # one step of Jacobi's method before and after the coarse level
     if len(levels) == 1:
         lowest = np.linalg.pinv(levels[0].A.toarray(), hermitian=True)
@@ -197,13 +194,13 @@ class _Swept:
         return after
 
 
-def _substitutions(lower: csr_matrix, upper: csr_matrix) -> tuple[Operator, Operator]:
+def _substitutions(lower: csr_matrix, upper: csr_matrix) -> tuple[Function, Function]:
     if find_spec("pyamg") is None:
         factor = splu(lower.tocsc(), permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"Equil": False})
         return factor.solve, lambda right: factor.solve(right, "T")
     from pyamg.relaxation.relaxation import gauss_seidel
 
-    def substitution(matrix: csr_matrix, sweep: str) -> Operator:
+    def substitution(matrix: csr_matrix, sweep: str) -> Function:
         def solve(right: Floats) -> Floats:
             result = np.zeros_like(right)
             gauss_seidel(matrix, result, right, 1, sweep)

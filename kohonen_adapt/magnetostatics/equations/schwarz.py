@@ -5,7 +5,7 @@ the order nor on the size of the mesh (J. Schoeberl, J. Melenk, C. Pechstein and
 2008).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import spotrf, spotri
 from scipy.sparse import csr_matrix
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Function, Ints
 
 __all__ = ["added_corrections"]
 
@@ -22,9 +22,7 @@ Singles = NDArray[np.float32]
 PADDED = 16  # stars are padded to a multiple of this number of unknowns, to be multiplied together
 
 
-def added_corrections(
-    matrix: csr_matrix, stars: Sequence[Ints], coarse: Callable[[Floats], Floats]
-) -> Callable[[Floats], Floats]:
+def added_corrections(matrix: csr_matrix, stars: Sequence[Ints], coarse: Function) -> Function:
     """Return the preconditioner of a matrix from the rows of stars.
 
     `coarse` returns the correction of a residual by functions of order 1.

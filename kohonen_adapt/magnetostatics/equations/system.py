@@ -1,6 +1,6 @@
 """Direct and multigrid solvers of linear systems."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix
 from scipy.sparse.linalg import LinearOperator, SuperLU, cg
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Function, Ints
 from kohonen_adapt.magnetostatics.equations.schwarz import added_corrections
 from kohonen_adapt.mesh.elements.assembly import Subspaces, symmetric_factors
 
@@ -58,16 +58,14 @@ class Solver:
         corrected = added_corrections(csr, stars, lambda residual: prolongation @ coarse(prolongation.T @ residual))
         return self._iterated(csr, right, corrected, MOST_WITH_STARS)
 
-    def preconditioner(self, matrix: csc_array) -> Callable[[Floats], Floats]:
+    def preconditioner(self, matrix: csc_array) -> Function:
         """Return the inverse of a matrix, or a cycle of multigrid if large."""
         if matrix.shape[0] > self.large and find_spec("pyamg") is not None:
             cycle = aggregated(as_csr(matrix)).aspreconditioner()
             return lambda residual: np.asarray(cycle @ residual)
         return factorised(matrix).solve
 
-    def _iterated(
-        self, matrix: csr_matrix, right: Floats, preconditioner: Callable[[Floats], Floats], most: int
-    ) -> Floats | None:
+    def _iterated(self, matrix: csr_matrix, right: Floats, preconditioner: Function, most: int) -> Floats | None:
         cycle = LinearOperator(matrix.shape, matvec=preconditioner, dtype=np.float64)
         solution, _ = cg(matrix, right, rtol=self.rtol, maxiter=most, M=cycle)
         return solution if self._is_solved(matrix, right, solution) else None
@@ -109,7 +107,7 @@ def aggregated(matrix: csr_matrix) -> Any:
     return pyamg.smoothed_aggregation_solver(matrix, symmetry="symmetric", strength=coupled, smooth=("energy", {}))
 
 
-def two_level_cycle(matrix: csr_matrix, prolongation: csr_array) -> Callable[[Floats], Floats]:
+def two_level_cycle(matrix: csr_matrix, prolongation: csr_array) -> Function:
     # A symmetric V-cycle. Aggregation of all unknowns of order 2 takes three to five times the time.
     from pyamg.relaxation.relaxation import gauss_seidel
 

@@ -1,6 +1,5 @@
 """Isotropic B-H laws, extrapolated to any B."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 from typing import Any, Protocol, runtime_checkable
@@ -8,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import scipy  # loads `scipy.optimize` at its first use
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Function
 from kohonen_adapt.checks import is_number
 
 __all__ = [
@@ -61,9 +60,9 @@ class Continued(Law):
 
     end: float
     # H, dH/dB and int H dB of B up to the end
-    _strength: Callable[[Floats], Floats]
-    _slope: Callable[[Floats], Floats]
-    _energy: Callable[[Floats], Floats]
+    _strength: Function
+    _slope: Function
+    _energy: Function
 
     def field_strength(self, b: Floats) -> Floats:
         inside = np.minimum(b, self.end)

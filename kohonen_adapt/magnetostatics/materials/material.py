@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Function
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
@@ -127,7 +127,7 @@ def check_materials(materials: Any, dimension: int) -> None:
                 raise ValueError(f"{kind} of {name!r} must have {expected}; got {value!r}.")
 
 
-def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Callable[[Floats], Floats]:
+def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Function:
     """Return a radial vector field, for the remanence or coercivity of a `Material`.
 
     Parameters
@@ -153,9 +153,7 @@ def radial(magnitude: float, *, centre: tuple[float, float] = (0.0, 0.0)) -> Cal
     return halbach(magnitude, 0, centre=centre)
 
 
-def halbach(
-    magnitude: float, pole_pairs: int, *, centre: tuple[float, float] = (0.0, 0.0)
-) -> Callable[[Floats], Floats]:
+def halbach(magnitude: float, pole_pairs: int, *, centre: tuple[float, float] = (0.0, 0.0)) -> Function:
     """Return a Halbach field, for the remanence or coercivity of a `Material`.
 
     The direction at the polar angle phi is ``(1 + pole_pairs) phi`` (Halbach, Nucl. Instrum. Methods 169, 1980). A ring

@@ -1,13 +1,12 @@
 """Values of a field at points, by the flux density or by the field strength."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Function, Ints
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.groups import all_points
@@ -22,7 +21,7 @@ class Points(NamedTuple):
     element: Ints  # (n,)
     x: Floats  # (d, n) in m
     off_axis: Floats  # x, of a point on an axis a point beside
-    slope: Callable[[Floats], Floats]  # of a function by its unknowns
+    slope: Function  # of a function by its unknowns
     share: Any = None  # (d + 1, n): barycentric coordinates, not of quadrature points
     given: str = ""  # attribute of `Drive` with its field at these points, each evaluated once
 
