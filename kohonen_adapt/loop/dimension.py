@@ -1,26 +1,20 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
 import logging
-from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Mask
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, reasons_in_space
-from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
-from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import longest_on_arcs
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import (
@@ -48,104 +42,72 @@ from kohonen_adapt.som.relocate import (
 from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import BEFORE_POLISH, Schedule
 
+logger = logging.getLogger("kohonen_adapt")
 
-class Method(ABC):
+
+@dataclass(frozen=True)
+class Method:
     """Movement and polish of the nodes of meshes of one dimension.
 
     Attributes
     ----------
     dim
         Dimension of the meshes.
-    schedule_before_polish
-        Schedule of the map in passes that recycle and polish, None for the default.
     passes_by_density
         Number of passes with recycling by density; later passes recycle by energy alone.
+    always_directed
+        True if elements get directions with ``anisotropic="auto"`` beside a tolerance or a goal, too.
+    open
+        Function of the mesh, the rules and the sides, as in the input if None, that returns the movable mesh.
+    moving_kernels, polish_kernels
+        Functions of topology and schedule, or of the problem, that return groups of `kernels/entries.py`.
+    transfer_kernels
+        Groups for the transfer of a solution.
+    move
+        Function that relocates to a density or to tensors, as `som.relocate.move`.
+    longest_sides
+        Function that returns the largest length of sides on curves at each node, or None.
+    functional
+        Function that returns the functional that the polish lowers, for a solution on a mesh.
+    curved_part
+        Function that returns the part of the functional between chords and curves or surfaces.
+    carry
+        Function that transfers a solution to the moved mesh.
+    reasons, polish_reasons
+        Functions that return why each node is held, always or by the polish alone, else an empty string.
+    held_in_polish
+        Function that returns the mask (n,) of nodes held by the polish alone.
+    descent
+        Function that returns the descent for the polish, which changes the movable mesh.
+    stalls
+        Function of the passes that returns True if these do not improve the result.
+    schedule_before_polish
+        Schedule of the map in passes that recycle and polish, None for the default.
     """
 
-    dim: ClassVar[int]
-    schedule_before_polish: ClassVar[Schedule | None] = None
+    dim: int
     # A density without directions moves a fifth of all nodes in every pass to positions from which the energy removes
     # them again, if long elements have the lowest energy. With directions, too, further passes by density gain nothing.
-    passes_by_density: ClassVar[int]
+    passes_by_density: int
+    always_directed: bool
+    open: Callable[..., Any]
+    moving_kernels: Callable[..., tuple[str, ...]]
+    polish_kernels: Callable[..., tuple[str, ...]]
+    transfer_kernels: tuple[str, ...]
+    move: Callable[..., Moved[Any]]
+    longest_sides: Callable[..., Floats | None]
+    functional: Callable[..., Any]
+    curved_part: Callable[..., float]
+    carry: Callable[..., Any]
+    reasons: Callable[..., list[str]]
+    polish_reasons: Callable[..., list[str]]
+    held_in_polish: Callable[..., Mask]
+    descent: Callable[..., Descent]
+    stalls: Callable[..., bool]
+    schedule_before_polish: Schedule | None = None
 
-    @abstractmethod
-    def open(self, mesh: Mesh, rules: Rules, curved: bool | None) -> Any:
-        """Return the movable mesh, with sides as in the input if `curved` is None."""
-
-    @abstractmethod
-    def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
-        """Return the groups of `kernels/entries.py` that a relocation needs."""
-
-    @abstractmethod
-    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]: ...
-
-    @property
-    @abstractmethod
-    def transfer_kernels(self) -> tuple[str, ...]: ...
-
-    @abstractmethod
-    def move(
-        self,
-        movable: Any,
-        density: ArrayLike | Callable[[Floats], ArrayLike],
-        schedule: Schedule | None,
-        topology: str,
-        rng: np.random.Generator,
-        nodes: int,
-        recycles: bool = True,
-        longest: Floats | None = None,
-    ) -> Moved[Any]:
-        """Relocate to a density or to tensors, with `nodes` nodes.
-
-        Nodes are exchanged only if the pass `recycles`. Sides on curves are at most as long as `longest`.
-        """
-
-    def longest_sides(self, movable: Any, functional: Any, estimate: float) -> Floats | None:
-        # of sides on curves, at each node
-        return None
-
-    @abstractmethod
-    def split(self, movable: Any, density: ArrayLike, nodes: int) -> Moved[Any]: ...
-
-    @abstractmethod
-    def functional(self, ritz: Ritz, movable: Any, mesh: Mesh) -> Any:
-        """Return the functional that the polish lowers, for a solution on `mesh`."""
-
-    @abstractmethod
     def value(self, functional: Any, ritz: Ritz, movable: Any, mesh: Mesh) -> float:
-        """Return the value of the functional, up to the curves and surfaces."""
-
-    @abstractmethod
-    def carry(self, functional: Any, before: Any, movable: Any, start_element: Ints) -> Any: ...
-
-    @abstractmethod
-    def reasons(self, movable: Any) -> list[str]:
-        """Return why each node is held, an empty string for nodes that move or slide."""
-
-    @abstractmethod
-    def held_in_polish(self, movable: Any, functional: Any) -> Mask:
-        """Return the mask (n,) of nodes held by the polish alone."""
-
-    @abstractmethod
-    def polish_reasons(self, movable: Any, functional: Any) -> list[str]:
-        """Return why the polish alone holds each node, else an empty string."""
-
-    @abstractmethod
-    def descent(self, movable: Any, functional: Any, trial: Any, recycled: Recycled) -> Descent:
-        """Return the descent for the polish, which changes `movable`."""
-
-    @abstractmethod
-    def takes_directions(self, settings: Settings, last: Pass) -> bool:
-        """Return True if elements get directions with ``anisotropic="auto"``."""
-
-    @abstractmethod
-    def stalls(self, passes: tuple[Pass, ...]) -> bool: ...
-
-    def corrects(self, problem: CheckedProblem) -> bool:
-        return False
-
-
-logger = logging.getLogger("kohonen_adapt")
+        return functional_value(mesh, ritz) + self.curved_part(functional, movable)
 
 
 def opened_in_plane(mesh: Mesh, rules: Rules, curved: bool | None) -> MovableMesh:
@@ -156,99 +118,85 @@ def opened_in_plane(mesh: Mesh, rules: Rules, curved: bool | None) -> MovableMes
     return movable
 
 
-class PlaneMethod(Method):
-    dim = TRIANGLE.dim
-    passes_by_density = 3
-    transfer_kernels = ("carrying",)
-    open = staticmethod(opened_in_plane)
-    schedule_before_polish = BEFORE_POLISH
-    move = staticmethod(move)
-    split = staticmethod(split_edges)
-    functional = staticmethod(Functional.of_solution)
-    carry = staticmethod(transferred)
-    reasons = staticmethod(reasons_in_plane)
-    held_in_polish = staticmethod(held_by_polish)
-    polish_reasons = staticmethod(polish_reasons)
-    descent = staticmethod(PlaneDescent)
-    stalls = staticmethod(stalls_by_estimate)
-
-    def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
-        return loops_in_plane(topology)
-
-    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]:
-        higher = problem.order > 1 or getattr(problem, "axisymmetric", False)
-        return "ground", "polish of higher order" if higher else "polish"
-
-    def longest_sides(self, movable: MovableMesh, functional: Functional, estimate: float) -> Floats | None:
-        if functional.dual is not None:  # the effect of arcs on a goal is unknown
-            return None
-        return longest_on_arcs(functional.ritz, movable, estimate)
-
-    def value(self, functional: Functional, ritz: Ritz, movable: MovableMesh, mesh: Mesh) -> float:
-        curved_part = functional.energy_beyond_chords(movable.triangulation, functional.solution)
-        return functional_value(mesh, ritz) + curved_part
-
-    def takes_directions(self, settings: Settings, last: Pass) -> bool:
-        return settings.rules.topology != "fixed"
-
-    def corrects(self, problem: CheckedProblem) -> bool:
-        # At order 1 the misplaced nodes cost 0.5 to 1 % of the error after three or four passes, and save a pass over
-        # all nodes, with 1.4 to 1.9 times the time. At higher orders they cost several per cent, and on tetrahedra as
-        # well, because growth by density shortens long elements.
-        return problem.has_functional and problem.order == 1
+def polish_kernels_in_plane(problem: CheckedProblem) -> tuple[str, ...]:
+    higher = problem.order > 1 or getattr(problem, "axisymmetric", False)
+    return "ground", "polish of higher order" if higher else "polish"
 
 
-class SpaceMethod(Method):
-    dim = TETRAHEDRON.dim
-    passes_by_density = 2
-    transfer_kernels = ("space carrying",)
-    open = staticmethod(MovableSolid.of)
-    split = staticmethod(split_edges)
-    functional = staticmethod(SolidFunctional.of_solution)
-    carry = staticmethod(transferred_in_space)
-    reasons = staticmethod(reasons_in_space)
-    held_in_polish = staticmethod(held_by_polish_in_space)
-    polish_reasons = staticmethod(polish_reasons_in_space)
-    stalls = staticmethod(stalls_by_functional)
+def longest_sides(movable: MovableMesh, functional: Functional, estimate: float) -> Floats | None:
+    if functional.dual is not None:  # the effect of arcs on a goal is unknown
+        return None
+    return longest_on_arcs(functional.ritz, movable, estimate)
 
-    def moving_kernels(self, topology: str, schedule: Schedule | None) -> tuple[str, ...]:
-        return *loops_in_space(topology, schedule), "space locating"
 
-    def polish_kernels(self, problem: CheckedProblem) -> tuple[str, ...]:
-        return "space ground", "space moves", "space polish of order 2" if problem.order == 2 else "space polish"
+PLANE = Method(
+    dim=TRIANGLE.dim,
+    passes_by_density=3,
+    always_directed=True,
+    open=opened_in_plane,
+    moving_kernels=lambda topology, schedule: loops_in_plane(topology),
+    polish_kernels=polish_kernels_in_plane,
+    transfer_kernels=("carrying",),
+    move=move,
+    longest_sides=longest_sides,
+    functional=Functional.of_solution,
+    curved_part=lambda functional, movable: functional.energy_beyond_chords(movable.triangulation, functional.solution),
+    carry=transferred,
+    reasons=reasons_in_plane,
+    polish_reasons=polish_reasons,
+    held_in_polish=held_by_polish,
+    descent=PlaneDescent,
+    stalls=stalls_by_estimate,
+    schedule_before_polish=BEFORE_POLISH,
+)
 
-    def descent(
-        self, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
-    ) -> Descent:
-        return SpaceDescent.of(movable, functional, trial, recycled)
 
-    def move(
-        self,
-        movable: MovableSolid,
-        density: ArrayLike | Callable[[Floats], ArrayLike],
-        schedule: Schedule | None,
-        topology: str,
-        rng: np.random.Generator,
-        nodes: int,
-        recycles: bool = True,
-        longest: Floats | None = None,
-    ) -> Moved[MovableSolid]:
-        if not recycles:  # the map would shorten the long elements that lower the energy
-            return self.split(movable, density, movable.nnodes)
-        return move_in_space(movable, density, schedule, topology, rng, nodes)
+def polish_kernels_in_space(problem: CheckedProblem) -> tuple[str, ...]:
+    return "space ground", "space moves", "space polish of order 2" if problem.order == 2 else "space polish"
 
-    def takes_directions(self, settings: Settings, last: Pass) -> bool:
-        # Directions multiply errors at a given number of nodes by .67 to .97.
-        # Residuals overrate long elements, so runs to a tolerance take up to four times as long, and a goal has
-        # directions of the dual solution, too.
-        return settings.rules.topology != "fixed" and not settings.tolerance and last.goal is None
 
-    def value(self, functional: SolidFunctional, ritz: Ritz, movable: MovableSolid, mesh: Mesh) -> float:
-        tet = movable.tetrahedralization
-        solution = functional.solution
-        curved_part = functional.faces.value(tet.position, tet.elements, solution.values, solution.surface)
-        return functional_value(mesh, ritz) + curved_part
+def moved_in_space(
+    movable: MovableSolid,
+    density: Any,
+    schedule: Schedule | None,
+    topology: str,
+    rng: Any,
+    nodes: int,
+    recycles: bool = True,
+    longest: None = None,
+) -> Moved[MovableSolid]:
+    if not recycles:  # the map would shorten the long elements that lower the energy
+        return split_edges(movable, density, movable.nnodes)
+    return move_in_space(movable, density, schedule, topology, rng, nodes)
+
+
+def curved_part_in_space(functional: SolidFunctional, movable: MovableSolid) -> float:
+    tet, solution = movable.tetrahedralization, functional.solution
+    return functional.faces.value(tet.position, tet.elements, solution.values, solution.surface)
+
+
+SPACE = Method(
+    dim=TETRAHEDRON.dim,
+    passes_by_density=2,
+    # Directions multiply errors at a given number of nodes by .67 to .97. Residuals overrate long elements, so runs to
+    # a tolerance take up to four times as long, and a goal has directions of the dual solution, too.
+    always_directed=False,
+    open=MovableSolid.of,
+    moving_kernels=lambda topology, schedule: (*loops_in_space(topology, schedule), "space locating"),
+    polish_kernels=polish_kernels_in_space,
+    transfer_kernels=("space carrying",),
+    move=moved_in_space,
+    longest_sides=lambda *of_curves: None,
+    functional=SolidFunctional.of_solution,
+    curved_part=curved_part_in_space,
+    carry=transferred_in_space,
+    reasons=reasons_in_space,
+    polish_reasons=polish_reasons_in_space,
+    held_in_polish=held_by_polish_in_space,
+    descent=SpaceDescent.of,
+    stalls=stalls_by_functional,
+)
 
 
 def method_of(mesh: Mesh) -> Method:
-    return SpaceMethod() if cell_of(mesh) is TETRAHEDRON else PlaneMethod()
+    return SPACE if cell_of(mesh) is TETRAHEDRON else PLANE

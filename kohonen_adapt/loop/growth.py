@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, inf
-from typing import Protocol
 
 import numpy as np
 
@@ -36,16 +35,6 @@ MIN_PLACING_NODES = 500
 MAX_LAST_FACTOR = 3
 # Recycling by energy at order 2 on tetrahedra keeps the number of unknowns, so the number of nodes changes.
 DRIFT = 0.1
-
-
-class NodeCounts(Protocol):
-    @property
-    def start(self) -> int: ...
-    @property
-    def target(self) -> int: ...
-    def nodes(self, number: int, polished: bool, last: Pass) -> int: ...
-    def grows_after(self, number: int) -> bool: ...
-    def shortfall_message(self, nodes: int, drift: float) -> str: ...
 
 
 @dataclass(frozen=True)
@@ -160,6 +149,10 @@ class GrowthByTolerance:
 
     def shortfall_message(self, nodes: int, drift: float) -> str:
         return ""
+
+
+NodeCounts = Growth | GrowthByTolerance
+"""Node counts to a target or by a tolerance."""
 
 
 def predicted_nodes(last: Pass, tolerance: float, order: int, dim: int) -> float:

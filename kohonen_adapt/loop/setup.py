@@ -9,12 +9,12 @@ from skfem import Mesh
 
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
-from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.grading import HIGH_ORDERS, GradingTolerance
 from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE, Tolerance
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.problem.evaluation import Output, curves_of
 from kohonen_adapt.problem.protocol import CheckedProblem
@@ -60,12 +60,16 @@ def stop_test(
 def node_counts(
     problem: CheckedProblem, mesh: Mesh, rules: Rules, target_nodes: int | None, stop: StopTest
 ) -> NodeCounts:
-    start, method = int(mesh.nvertices), method_of(mesh)
+    start, dim = int(mesh.nvertices), mesh.dim()
     if stop.max_nodes is None:
-        return Growth.of(start, target_nodes, stop.passes, method.corrects(problem))
+        # At order 1 in the plane the misplaced nodes cost 0.5 to 1 % of the error after three or four passes, and save
+        # a pass over all nodes, with 1.4 to 1.9 times the time. At higher orders they cost several per cent, and on
+        # tetrahedra as well, because growth by density shortens long elements.
+        corrected = dim == TRIANGLE.dim and problem.has_functional and problem.order == 1
+        return Growth.of(start, target_nodes, stop.passes, corrected)
     allowed = stop.grading.aim if stop.grading else stop.tolerance
     removes = rules.topology == "recycle"
-    return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, method.dim, removes)
+    return GrowthByTolerance(start, stop.max_nodes, allowed, problem.order, dim, removes)
 
 
 def check_goal(problem: CheckedProblem, goal_rtol: float | None, outputs: Mapping[str, Output] | None) -> None:

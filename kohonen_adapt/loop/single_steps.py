@@ -127,7 +127,7 @@ def relocate(
     if layered is not mesh and not callable(density) and np.shape(density)[:1] == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
     expect(*method.moving_kernels(topology, schedule))
-    moved = method.move(movable, density, schedule, topology, np.random.default_rng(seed), int(mesh.nvertices))
+    moved = method.move(movable, density, schedule, topology, np.random.default_rng(seed), nodes=int(mesh.nvertices))
     report_sagitta(moved.before, movable)
     work = work_of(moved, movable)
     if not work.moved and schedule != Schedule(()):  # an empty schedule is used for its flips alone

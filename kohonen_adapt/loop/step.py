@@ -39,6 +39,7 @@ from kohonen_adapt.problem.evaluation import (
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
+from kohonen_adapt.som.relocate import split_edges
 from kohonen_adapt.som.relocation_record import Moved
 
 GROWING_ENTRIES = 2  # entries of the plan of a polish, because nodes added later undo the effect of further entries
@@ -214,7 +215,7 @@ class Adaptation:
             recycles = self.recycles_by_density(ritz, by_energy, nodes)
             held = None if functional is None else self.method.held_in_polish(self.movable, functional)
             if by_energy:
-                moved = self.method.split(self.movable, wanted.density, nodes if recycles else self.movable.nnodes)
+                moved = split_edges(self.movable, wanted.density, nodes if recycles else self.movable.nnodes)
             else:
                 moved = self.moved(wanted.density, solved, nodes, recycles)
             return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
@@ -236,12 +237,15 @@ class Adaptation:
             if schedule is None and topology == "recycle":
                 schedule = method.schedule_before_polish
         rng = settings.rng(self.steps.number)
-        return method.move(self.movable, density, schedule, topology, rng, nodes, recycles, longest)
+        return method.move(
+            self.movable, density, schedule, topology, rng, nodes=nodes, recycles=recycles, longest=longest
+        )
 
     def anisotropic(self, last: Pass, by_energy: bool) -> bool | str:
         # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.
-        given = self.settings.anisotropic
-        kept = given == "auto" and not self.method.takes_directions(self.settings, last)
+        given, settings = self.settings.anisotropic, self.settings
+        measured = not self.method.always_directed and (settings.tolerance or last.goal is not None)
+        kept = given == "auto" and (settings.rules.topology == "fixed" or measured)
         return False if by_energy or kept else given
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> Moved[Any]:
