@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Ints
+from kohonen_adapt.mesh.host import keys_of
+from kohonen_adapt.mesh.names import combinations
 
 __all__ = ["add_names"]
 
@@ -42,8 +44,16 @@ def add_names(mesh: Any, text: str) -> list[str]:
     top = [(k, size) for k, size in enumerate(sizes) if size]
     corners = np.concatenate([np.asarray(mesh.cells[k].data, np.int64)[:, :size] for k, size in top])
     numbers = np.concatenate([_numbers(blocks[k][1], mesh.cells[k].data.shape[1]) for k, _ in top])
-    found = _of_surfaces(sections, corners, numbers, _elements(mesh, top, numbers))
-    found |= _of_nodes(mesh.point_sets, corners, _regions(mesh, top, len(corners)), len(mesh.points))
+    starts = np.cumsum([0, *(len(mesh.cells[k].data) for k, _ in top)])
+    members = {
+        name: np.unique(np.concatenate([start + parts[k] for start, (k, _) in zip(starts, top, strict=False)]))
+        for name, parts in mesh.cell_sets.items()
+        if len(parts) == len(mesh.cells)
+    }
+    elements = {name.upper(): numbers[rows] for name, rows in members.items()}
+    found = _of_surfaces(sections, corners, numbers, elements)
+    region = combinations(list(members.values()), len(corners))[0]
+    found |= _of_nodes(mesh.point_sets, corners, region, len(mesh.points))
     mesh.side_sets = {name: sides for name, sides in found.items() if len(sides)}
     return [name for name, sides in found.items() if not len(sides)]
 
@@ -51,24 +61,6 @@ def add_names(mesh: Any, text: str) -> list[str]:
 def _numbers(body: str, width: int) -> Ints:
     words = np.array([int(word) for word in re.split(r"[,\s]+", body) if word], dtype=np.int64)
     return words.reshape(-1, 1 + width)[:, 0]
-
-
-def _elements(mesh: Any, top: list[tuple[int, int]], numbers: Ints) -> dict[str, Ints]:
-    starts = np.cumsum([0, *(len(mesh.cells[k].data) for k, _ in top)])
-    return {
-        name.upper(): np.concatenate([numbers[start + parts[k]] for start, (k, _) in zip(starts, top, strict=False)])
-        for name, parts in mesh.cell_sets.items()
-        if len(parts) == len(mesh.cells)
-    }
-
-
-def _regions(mesh: Any, top: list[tuple[int, int]], count: int) -> Ints:
-    starts = np.cumsum([0, *(len(mesh.cells[k].data) for k, _ in top)])
-    member = np.zeros((1 + len(mesh.cell_sets), count), dtype=bool)
-    for row, parts in enumerate(mesh.cell_sets.values()):
-        for start, (k, _) in zip(starts, top, strict=False):
-            member[row, start + parts[k]] = True
-    return np.unique(member, axis=1, return_inverse=True)[1].ravel()
 
 
 def _of_surfaces(
@@ -97,11 +89,9 @@ def _of_surfaces(
 def _of_nodes(sets: Mapping[str, NDArray[Any]], corners: Ints, region: Ints, count: int) -> dict[str, Ints]:
     sides = np.concatenate([corners[:, side] for side in SIDES[corners.shape[1]]])
     owner = np.tile(region, len(SIDES[corners.shape[1]]))
-    _, first, place, times = np.unique(
-        np.sort(sides, axis=1), axis=0, return_index=True, return_inverse=True, return_counts=True
-    )
-    differs = np.zeros(len(first), dtype=bool)
-    np.logical_or.at(differs, place.ravel(), owner != owner[first][place.ravel()])
+    key = keys_of(np.sort(sides, axis=1).T, count)
+    _, first, place, times = np.unique(key, return_index=True, return_inverse=True, return_counts=True)
+    differs = np.bincount(place, owner != owner[first][place]) > 0
     outline = sides[first[(times == 1) | differs]]
     found = {}
     for name, nodes in sets.items():

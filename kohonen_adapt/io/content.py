@@ -29,6 +29,7 @@ __all__ = [
     "CellFields",
     "Content",
     "Field",
+    "Named",
     "Rows",
     "as_value_error",
     "check_finite",
@@ -190,7 +191,11 @@ class CellFields:
     fields: list[Field]
 
 
-def content_of_sets(points: Floats, sets: Iterable[tuple[int, str, Ints, Ints]]) -> Content:
+Named = tuple[int, str, Ints, Ints]
+"""Type, name, nodes and numbers of the elements of a set."""
+
+
+def content_of_sets(points: Floats, sets: Iterable[Named]) -> Content:
     # An empty name stands for elements without a group.
     tags: dict[tuple[int, str], int] = {}
     found: dict[int, list[Rows]] = {}

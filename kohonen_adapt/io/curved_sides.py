@@ -1,20 +1,21 @@
-"""Curved sides of triangles of order 2 to 5 in mesh files."""
+"""Curved sides of triangles of order 2 to 5, and of tetrahedra of order 2."""
 
 import logging
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTri
+from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.polylines import polylines_of
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io.content import TRIANGLE, Content, check_finite, check_flat, rows_in, shape_of
 from kohonen_adapt.mesh.blended import Blended
-from kohonen_adapt.mesh.curved import corners_of, with_midsides
+from kohonen_adapt.mesh.curved import corners_of, with_midside_offsets, with_midsides
+from kohonen_adapt.mesh.host import number_edges
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["ORDERS", "order_of_sides", "to_curves", "with_curved_sides"]
+__all__ = ["ORDERS", "TEN_NODES", "order_of_sides", "to_curves", "with_curved_edges", "with_curved_sides"]
 
 logger = logging.getLogger("kohonen_adapt")
 
@@ -22,6 +23,12 @@ ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5}
 """Gmsh's numbers for triangles to their order p; p - 1 nodes of each of `SIDES` follow the corners."""
 
 SIDES = ([0, 1], [1, 2], [2, 0])
+TEN_NODES = 11
+"""Gmsh's number for tetrahedra of ten nodes."""
+
+EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)])
+"""Corners beside the nodes 4 to 9 of tetrahedra of ten nodes."""
+
 MIDDLE = {
     2: np.array([0.0, 1.0, 0.0]),
     3: np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0,
@@ -52,6 +59,25 @@ def with_curved_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, s
     curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
     if order > 2:
         _report_loss(curved, position[:, segments[:, 1:-1]], path)
+    return curved
+
+
+def with_curved_edges(mesh: MeshTet, content: Content, used: Ints, path: Path, scale: float) -> MeshTet:
+    number_edges(mesh)
+    nodes = content.rows[TEN_NODES].nodes
+    edge = rows_in(mesh.edges.T, np.searchsorted(used, nodes[:, EDGES]).reshape(-1, 2))
+    middle = np.empty(mesh.edges.shape[1], dtype=np.int64)
+    middle[edge] = nodes[:, 4:].ravel()
+    if np.any(middle[edge] != nodes[:, 4:].ravel()):
+        raise ValueError(f"tetrahedra of '{path}' have different nodes inside one edge; write the mesh again.")
+    check_finite(content.points[middle], path, "read_mesh", "midside node")
+    offset = scale * content.points[middle].T - mesh.p[:, mesh.edges].mean(axis=1)
+    length = np.linalg.norm(np.diff(mesh.p[:, mesh.edges], axis=1)[:, 0], axis=0)
+    straight = np.linalg.norm(offset, axis=0) <= STRAIGHT * length + DIGITS * np.abs(mesh.p).max()
+    if straight.all():
+        return mesh
+    curved = with_midside_offsets(mesh, offset)
+    curved.p[:, mesh.nvertices :] = scale * content.points[middle].T
     return curved
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import Content, as_value_error, content_of_sets
+from kohonen_adapt.io.content import Content, Named, as_value_error, content_of_sets
 
 __all__ = ["read_ans"]
 
@@ -75,7 +75,7 @@ def _section(head: str, name: str, columns: int) -> Floats:
     return _table(head[start:].split("\n"), columns) if start >= 0 else np.empty((0, columns))
 
 
-def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _blocks(head: str, elements: Ints) -> Iterator[Named]:
     # (type, name, nodes, numbers) of blocks, and of several labels of a block
     names = ["", *re.findall(r'<BlockName>\s*=\s*"([^"]*)"', head)]
     block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
@@ -90,7 +90,7 @@ def _blocks(head: str, elements: Ints) -> Iterator[tuple[int, str, Ints, Ints]]:
             yield TRIANGLE, f"{names[k]} {place}", elements[label == own, :3], number[label == own]
 
 
-def _boundaries(head: str, nodes: Complex) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _boundaries(head: str, nodes: Complex) -> Iterator[Named]:
     names = ["", *re.findall(r'<BdryName>\s*=\s*"([^"]*)"', head)]
     kinds = [0, *map(int, re.findall(r"<BdryType>\s*=\s*(\d+)", head))]
     gaps = [name for name, kind in zip(names, kinds, strict=True) if kind in AIR_GAP]

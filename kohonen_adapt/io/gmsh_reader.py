@@ -90,9 +90,10 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
 
     missing: tuple[int, ...] = ()
     if version == "4.1":
-        groups = _entities(section("Entities")) if b"\n$Entities" in data else {}
-        if b"\n$PartitionedEntities" in data:
-            groups = _entities_of_partitions(section("PartitionedEntities"), groups)
+        groups = dict[tuple[int, int], Ints]()
+        for name, of_parts in (("Entities", False), ("PartitionedEntities", True)):
+            if f"\n${name}".encode() in data:
+                _entities(section(name), groups, of_parts)
         numbers, points = _nodes_41(section("Nodes"))
         blocks, meshed = _elements_41(section("Elements"), groups, max(ALLOWED_ROWS, 2 * len(data)))
         highest = max((dimension for dimension, _ in meshed), default=0)
@@ -121,35 +122,21 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
     return names
 
 
-def _entities(section: Numbers) -> dict[tuple[int, int], Ints]:
-    # groups by entity (dimension, tag), with negative numbers if reversed
-    groups = {}
+def _entities(section: Numbers, groups: dict[tuple[int, int], Ints], of_parts: bool) -> None:
+    # Sets the groups of entities (dimension, tag), with negative numbers if reversed.
+    if of_parts:
+        section.integer(SIZE)
+        section.ints(2 * section.integer(SIZE))  # ghosts
     for dimension, count in enumerate(section.ints(4, SIZE)):
         for _ in range(count):
             tag = section.integer()
+            if of_parts:  # elements belong to the parts of an entity, which have its groups
+                groups.pop(tuple(section.ints(2).tolist()), None)
+                section.ints(section.integer(SIZE))
             section.take(6 if dimension else 3)
-            number = section.integer(SIZE)
-            groups[dimension, tag] = section.ints(number) if number else NO_GROUPS
-            if dimension and (number := section.integer(SIZE)):
-                section.ints(number)
-    return groups
-
-
-def _entities_of_partitions(section: Numbers, groups: dict[tuple[int, int], Ints]) -> dict[tuple[int, int], Ints]:
-    # Elements belong to the parts of an entity, which have its groups.
-    found = dict(groups)
-    section.integer(SIZE)
-    section.ints(2 * section.integer(SIZE))  # ghosts
-    for dimension, count in enumerate(section.ints(4, SIZE)):
-        for _ in range(count):
-            tag, *parent = section.ints(3)
-            section.ints(section.integer(SIZE))
-            section.take(6 if dimension else 3)
-            found.pop(tuple(parent), None)
-            found[dimension, int(tag)] = section.ints(number) if (number := section.integer(SIZE)) else NO_GROUPS
+            groups[dimension, tag] = section.ints(section.integer(SIZE))
             if dimension:
                 section.ints(section.integer(SIZE))
-    return found
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, grouped
 from kohonen_adapt.io.content import GMSH_TETRAHEDRON
 from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
 from kohonen_adapt.mesh.curved import is_second_order, nodes_of_elements
@@ -162,9 +162,7 @@ def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
 
 
 def _by_entity(entity: Ints) -> list[tuple[int, Ints]]:
-    order = np.argsort(entity, kind="stable")
-    found, start = np.unique(entity[order], return_index=True)
-    return list(zip(found.tolist(), np.split(order, start[1:]), strict=True)) if len(found) else []
+    return [(int(entity[which[0]]), which) for which in grouped(entity)]
 
 
 def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, grouped
 from kohonen_adapt.io.content import DIMENSION, LARGEST_TAG, LINE, POINT, TETRAHEDRON, TRIANGLE, Content
 from kohonen_adapt.mesh.host import is_own_name
 
@@ -116,10 +116,7 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
 
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
-    order = np.argsort(group, kind="stable")
-    numbers, start = np.unique(group[order], return_index=True)
-    parts = np.split(item[order], start[1:])
-    return {number: part for number, part in zip(numbers.tolist(), parts, strict=False) if number > 0}
+    return {int(group[rows[0]]): item[rows] for rows in grouped(group) if group[rows[0]] > 0}
 
 
 def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:

@@ -28,6 +28,7 @@ from kohonen_adapt.io.content import (
     CellFields,
     Content,
     Field,
+    Named,
     as_value_error,
     content_of_sets,
     nodes_per_element,
@@ -51,7 +52,7 @@ KINDS |= {"tetra10": (TEN_NODES := 11)}
 REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
 """Beginning of a refused type in meshio to Gmsh's number for its shape."""
 
-SIDES = {TRIANGLE: LINE, TETRAHEDRON: TRIANGLE}
+SIDES = {"triangle": LINE, "tetrahedron": TRIANGLE}  # by shape
 
 NUMBERS = ("gmsh:physical", "cell_tags", "medit:ref", "su2:tag", "avsucd:material", "netgen:index", "CellEntityIds")
 """Names of cell data with group numbers, in meshio and in Gmsh's VTK."""
@@ -152,7 +153,7 @@ def _kind(block: Any) -> int:
     return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
 
 
-def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[Named]:
     # (type, name, nodes, numbers) of all cells, and of the cells of every set
     first = 0
     for k, block in enumerate(mesh.cells):
@@ -196,33 +197,27 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
     return nodes[:, GMSH_TETRAHEDRON] if kind == TEN_NODES else nodes
 
 
-def _sets(
-    mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats
-) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _sets(mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats) -> Iterator[Named]:
     for name, parts in mesh.cell_sets.items():
         if k < len(parts) and len(parts[k]):
             yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
-    first_order = _first_order(kind)
-    for key, values in mesh.cell_data.items() if first_order in SIDES else ():
+    shape = shape_of(kind)
+    for key, values in mesh.cell_data.items() if shape in SIDES else ():
         if key.startswith(SUBDOMAIN):
             which = np.flatnonzero(_as_integers(values[k], key))
             yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
         elif key.startswith(BOUNDARY):
-            sides = sides_of(nodes[:, : nodes_per_element(first_order)], _as_integers(values[k], key), points)
-            yield SIDES[first_order], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
+            sides = sides_of(nodes[:, : CORNERS[shape]], _as_integers(values[k], key), points)
+            yield SIDES[shape], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
 
 
-def _numbered(mesh: Any, k: int, kind: int, nodes: Ints, first: int, key: str) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _numbered(mesh: Any, k: int, kind: int, nodes: Ints, first: int, key: str) -> Iterator[Named]:
     numbers, dimension = _as_integers(mesh.cell_data[key][k], key), DIMENSION[shape_of(kind)]
     has_zero = key not in NUMBERS and dimension == max(block.dim for block in mesh.cells)  # zero may be a region
     for tag in np.unique(numbers if has_zero else numbers[numbers != 0]).tolist():
         which = np.flatnonzero(numbers == tag)
         for name in _names(mesh, key, tag, dimension):
             yield kind, name, nodes[which], first + which
-
-
-def _first_order(kind: int) -> int:
-    return next((first_order for first_order in SIDES if shape_of(first_order) == shape_of(kind)), kind)
 
 
 def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:

@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.io.content import (
     DIMENSION,
     Content,
+    Named,
     as_value_error,
     content_of_sets,
     nodes_per_element,
@@ -86,9 +87,7 @@ def _points(values: Floats) -> Floats:
     return np.column_stack([values, np.zeros((len(values), 3 - values.shape[1]))])
 
 
-def _named(
-    points: Floats, sets: Sequence[tuple[int, Ints, Ints]], dimension: int
-) -> Iterator[tuple[int, str, Ints, Ints]]:
+def _named(points: Floats, sets: Sequence[tuple[int, Ints, Ints]], dimension: int) -> Iterator[Named]:
     first = 0
     for kind, nodes, group in sets:
         if np.any((nodes < 0) | (nodes >= len(points))):

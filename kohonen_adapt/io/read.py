@@ -18,7 +18,6 @@ from kohonen_adapt.io.gmsh_reader import read_msh
 from kohonen_adapt.io.groups import Groups, to_groups
 from kohonen_adapt.io.meshio_reader import FORMATS, read_content
 from kohonen_adapt.io.plain_text import is_mfem, read_mfem
-from kohonen_adapt.io.solids import to_solid
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["curves_in_file", "read_curves", "read_groups", "read_mesh"]
@@ -107,7 +106,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     path = Path(path)
     reader = _reader(path, scale, "read_mesh", READERS)
     content = reader(path)
-    return (to_solid if content.dimension == 3 else to_mesh)(content, path, float(scale))
+    return to_mesh(content, path, float(scale))
 
 
 def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:

@@ -14,11 +14,11 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.display import divisions_of
 from kohonen_adapt.files import whole_file
+from kohonen_adapt.io.assembly import of_positive_volume
 from kohonen_adapt.io.content import MSH_VERSION, suffix_of
 from kohonen_adapt.io.elmer import write_elmer
 from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
-from kohonen_adapt.io.solids import of_positive_volume
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import count_unknowns
