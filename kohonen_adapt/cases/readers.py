@@ -191,7 +191,13 @@ def call_checked(make: Callable[..., Any], values: Mapping[str, Any], location: 
             raise ValueError(str(error)) from None
 
 
-def make_named(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, location: str) -> Any:
+def make_named(
+    makers: Mapping[str, Callable[..., Any]],
+    key: str,
+    given: Any,
+    location: str,
+    special: Mapping[str, Reader] | None = None,
+) -> Any:
     options = f"one of {', '.join(map(repr, makers))}"
     entries = Kind((dict,), f"a table with a key {key}, {options}", read=TABLE)(given, location)
     name = entries.pop(key, None)
@@ -201,7 +207,7 @@ def make_named(makers: Mapping[str, Callable[..., Any]], key: str, given: Any, l
         raise ValueError(
             f"{_subkey(location, key)} must be {options}; got {_shortened(name)}.{nearest_name(name, makers)}"
         )
-    return make_from_table(makers[name], entries, location)
+    return make_from_table(makers[name], entries, location, special)
 
 
 @contextmanager

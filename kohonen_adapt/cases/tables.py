@@ -12,6 +12,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.readers import (
     FLAG,
+    NUMBER,
     POINT,
     POINTS,
     TEXT,
@@ -23,6 +24,7 @@ from kohonen_adapt.cases.readers import (
     make_from_table,
     make_named,
     read_table,
+    tuple_of,
 )
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.geometry.plane.curves import Arc, Line
@@ -59,10 +61,9 @@ __all__ = [
     "surface",
 ]
 
-Point = tuple[float, float]
 Position = tuple[float, ...]  # two or three coordinates
 Axis = Literal["x", "y", "z"]
-Triple = tuple[float, float, float]
+TRIPLE = tuple_of([NUMBER] * 3)
 
 LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
 
@@ -124,46 +125,18 @@ def _read(path: Path, location: str, smooth: bool = False) -> Table:
     raise ValueError(f"{location} must name a file with a table of B and H; there is none at '{path}'.")
 
 
-def _along_path(path: list[Triple], width: float, height: float, ampere_turns: float, radius: float = 0.0) -> Coil:
-    return Coil(np.transpose(path), width, height, ampere_turns, radius)
-
-
-def _circular(centre: Triple, axis: Triple, radius: float, section: Point, ampere_turns: float) -> Coil:
-    return Coil.circular(centre, axis, radius, section, ampere_turns)
-
-
-def _racetrack(
-    centre: Triple,
-    axis: Triple,
-    length: float,
-    width: float,
-    radius: float,
-    section: Point,
-    ampere_turns: float,
-    along: Triple | None = None,
-) -> Coil:
-    return Coil.racetrack(centre, axis, length, width, radius, section, ampere_turns, along=along)
-
-
-def _straight_limb(
-    centre: Triple,
-    axis: Triple,
-    bore: Point,
-    section: Point,
-    ampere_turns: float,
-    radius: float = 0.0,
-    along: Triple | None = None,
-) -> Coil:
-    return Coil.straight_limb(centre, axis, bore, section, ampere_turns, radius=radius, along=along)
-
-
 COILS: dict[str, Callable[..., Coil]] = {
-    "path": _along_path,
-    "circular": _circular,
-    "racetrack": _racetrack,
-    "straight_limb": _straight_limb,
+    "path": Coil,
+    "circular": Coil.circular,
+    "racetrack": Coil.racetrack,
+    "straight_limb": Coil.straight_limb,
 }
-coil = partial(make_named, COILS, "shape")
+OF_COILS: dict[str, Reader] = {
+    "path": lambda given, location: np.transpose(list_of(TRIPLE)(given, location)),
+    **dict.fromkeys(("centre", "axis", "along"), TRIPLE),
+    **dict.fromkeys(("section", "bore"), POINT),
+}
+coil = partial(make_named, COILS, "shape", special=OF_COILS)
 
 
 @dataclass(frozen=True)
@@ -272,12 +245,11 @@ GOALS: dict[str, Callable[..., Goal]] = {
 goal = partial(make_named, GOALS, "quantity")
 
 
-def _spline(points: list[Point], closed: bool = False) -> Spline:
-    return Spline(np.reshape(points, (-1, 2)).T, closed=closed)
-
-
-SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": _spline}
-shape = partial(make_named, SHAPES, "curve")
+SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": Spline}
+OF_SPLINES: dict[str, Reader] = {
+    "points": lambda given, location: np.reshape(POINTS(given, location), (-1, 2)).T,
+}
+shape = partial(make_named, SHAPES, "curve", special=OF_SPLINES)
 
 # The half angle of a cone is in radians.
 SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
