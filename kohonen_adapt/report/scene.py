@@ -4,7 +4,6 @@ import base64
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,20 +46,8 @@ NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"
 MOST_NAMES = 255  # largest value of a byte; further sets of names share the last index
 
 
-@dataclass(frozen=True)
-class Shown:
-    """Field of the view.
-
-    Attributes
-    ----------
-    about
-        Label, kind and scale for the page.
-    values
-        Packed values on every mesh, or None for values that the page computes.
-    """
-
-    about: dict[str, Any]
-    values: list[dict[str, str] | None]
+Shown = tuple[dict[str, Any], list[dict[str, str] | None]]
+"""Label, kind and scale of a field, with packed values on every mesh, or None for values that the page computes."""
 
 
 def view_data(
@@ -89,23 +76,23 @@ def view_data(
     surfaces = [coil.winding.surface for coil in listed_coils(coils)]
     sections = [np.zeros((2, 2, 0)) if plane is None else cut_triangles(surface, plane) for surface in surfaces]
     shown = [
-        *(_elementwise(label, each, function) for label, function in fields[1].items()),
-        *(_nodal(label, each, function) for label, function in fields[0].items()),
+        *(_field(label, each, function, "element") for label, function in fields[1].items()),
+        *(_field(label, each, function, "node") for label, function in fields[0].items()),
         _indicators(indicator_label, each),
-        _found_by_page(QUALITY, "quality", 0.0, 1.0) if plane is None else _qualities(each),
-        _sizes(each, unit) if plane is None else _lengths(each, unit),
+        *([_by_page(QUALITY, "quality", 0.0, 1.0), _sizes(each, unit)] if plane is None else _of_solids(each, unit)),
         _subdomains(each),
     ]
     reasons = [text for text, _ in Counter(text for texts in why for text in texts.tolist() if text).most_common()]
     index = {text: min(k, MOST_NAMES) for k, text in enumerate(reasons)}
+    corners = np.hstack([own.mesh.p for _, own in each])
     return {
         "unit": unit,
         "reasons": reasons[: MOST_NAMES + 1],
         "axes": each[0][1].axes,
-        "bounds": _bounds([shown.mesh for _, shown in each], unit),
-        "fields": [field.about for field in shown],
+        "bounds": [(in_unit(unit) * bound).tolist() for bound in (corners.min(axis=1), corners.max(axis=1))],
+        "fields": [about for about, _ in shown],
         "meshes": [
-            {"name": word, **_mesh(each[k][1], sections, unit), "values": [field.values[k] for field in shown]}
+            {"name": word, **_mesh(each[k][1], sections, unit), "values": [values[k] for _, values in shown]}
             | ({"held": _held(why[k], index)} if why else {})
             for k, word in enumerate(results)
         ],
@@ -142,46 +129,32 @@ def _held(why: NDArray[np.str_], index: Mapping[str, int]) -> dict[str, Any]:
     return {"node": packed(node, "u4"), "reason": packed([index[text] for text in why[node].tolist()], "u1")}
 
 
-def _bounds(meshes: Sequence[Mesh], unit: str) -> list[list[float]]:
-    low = np.min([mesh.p.min(axis=1) for mesh in meshes], axis=0)
-    high = np.max([mesh.p.max(axis=1) for mesh in meshes], axis=0)
-    return [(in_unit(unit) * bound).tolist() for bound in (low, high)]
-
-
-def _elementwise(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [shown.of_elements(_by_element(label, function(each.solution), each.mesh)) for each, shown in results]
-    ends = [_middle_ends(each, shown.mesh) for each, (_, shown) in zip(values, results, strict=True)]
-    low, high = min(low for low, _ in ends), max(high for _, high in ends)
-    at = "element" if all(each.ndim == 1 for each in values) else "lattice"
-    if at == "lattice":
-        values = [each if each.ndim == 2 else np.tile(each, (3, 1)) for each in values]
-    return _scaled(label, at, values, 0.0 if low >= 0.0 else low, high)
-
-
-def _by_element(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
-    return as_reals(label, values, _shape_inside(label, values, mesh) or {"nelements": mesh.t.shape[1]})
-
-
-def _by_node(label: str, values: ArrayLike, mesh: Mesh) -> Floats:
-    return as_reals(label, values, _shape_inside(label, values, mesh) or {"nnodes": int(mesh.nvertices)})
-
-
-def _shape_inside(label: str, values: ArrayLike, mesh: Mesh) -> dict[str, int]:
-    return lattice_shape(label, values, mesh.t.shape[1]) if np.ndim(values) == len(mesh.p) == 2 else {}
-
-
-def _nodal(label: str, results: Results, function: FieldOf) -> Shown:
-    values = [shown.of_nodes(_by_node(label, function(each.solution), each.mesh)) for each, shown in results]
-    at = "node" if all(each.ndim == 1 for each in values) else "lattice"
-    if at == "lattice":
+def _field(label: str, results: Results, function: FieldOf, at: str) -> Shown:
+    # of nodes or elements, or in the plane on a lattice in each element
+    nodal = at == "node"
+    checked = [_checked(label, function(each.solution), each.mesh, nodal) for each, _ in results]
+    if nodal:
+        values = [shown.of_nodes(each) for each, (_, shown) in zip(checked, results, strict=True)]
+        finite = np.concatenate([each[np.isfinite(each)] for each in values])
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+    else:
+        values = [shown.of_elements(each) for each, (_, shown) in zip(checked, results, strict=True)]
+        ends = [_middle_ends(each, shown.mesh) for each, (_, shown) in zip(values, results, strict=True)]
+        low, high = min(0.0, *(low for low, _ in ends)), max(high for _, high in ends)
+    if any(each.ndim == 2 for each in values):
+        at = "lattice"
         values = [
-            each if each.ndim == 2 else each[shown.mesh.t] for each, (_, shown) in zip(values, results, strict=True)
+            each if each.ndim == 2 else each[shown.mesh.t] if nodal else np.tile(each, (3, 1))
+            for each, (_, shown) in zip(values, results, strict=True)
         ]
-    finite = np.concatenate([each[np.isfinite(each)] for each in values])
-    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
-    field = _scaled(label, at, values, low, high)
-    field.about["lines"] = True
-    return field
+    about, arrays = _scaled(label, values, low, high, at=at)
+    return about | ({"lines": True} if nodal else {}), arrays
+
+
+def _checked(label: str, values: ArrayLike, mesh: Mesh, nodal: bool) -> Floats:
+    shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.t.shape[1]}
+    inside = np.ndim(values) == len(mesh.p) == 2
+    return as_reals(label, values, lattice_shape(label, values, mesh.t.shape[1]) if inside else shape)
 
 
 def _indicators(label: str, results: Results) -> Shown:
@@ -190,16 +163,16 @@ def _indicators(label: str, results: Results) -> Shown:
         for each, shown in results
     ]
     low, high = decades_of(values)
-    if high == 0.0:
-        return _scaled(label, "element", values, 0.0, 1.0)
-    return _scaled(label, "element", values, low, high, "log")
+    return _scaled(label, values, low, high, "log") if high else _scaled(label, values, 0.0, 1.0)
 
 
-def _scaled(label: str, at: str, values: Sequence[Floats], low: float, high: float, scale: str = "linear") -> Shown:
+def _scaled(
+    label: str, values: Sequence[Floats], low: float, high: float, scale: str = "linear", at: str = "element"
+) -> Shown:
     about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
     about["below"] = any(bool(np.any(each < low)) for each in values)
     about["above"] = any(bool(np.any(each > high)) for each in values)
-    return Shown(about, [packed(each, "f4", coarse=at != "node") for each in values])
+    return about, [packed(each, "f4", coarse=at != "node") for each in values]
 
 
 def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
@@ -210,32 +183,29 @@ def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
     return level_of_share(values, areas, 0.01), level_of_share(values, areas, 0.99)
 
 
-def _found_by_page(label: str, kind: str, low: float, high: float, scale: str = "linear") -> Shown:
-    about = {"label": label, "kind": kind, "at": "element", "scale": scale, "low": low, "high": high}
-    return Shown(about, [None, None])
-
-
-def _qualities(results: Results) -> Shown:
-    return _scaled(QUALITY, "element", [shown.of_elements(quality(each.mesh)) for each, shown in results], 0.0, 1.0)
-
-
-def _lengths(results: Results, unit: str) -> Shown:
-    lengths = [in_unit(unit) * shown.of_elements(np.cbrt(area(each.mesh))) for each, shown in results]
-    low, high = min(float(each.min()) for each in lengths), max(float(each.max()) for each in lengths)
-    return _scaled(f"size, cube root of the volume{f' ({unit})' if unit else ''}", "element", lengths, low, high, "log")
+def _by_page(label: str, kind: str, low: float, high: float, scale: str = "linear") -> Shown:
+    return {"label": label, "kind": kind, "at": "element", "scale": scale, "low": low, "high": high}, [None, None]
 
 
 def _sizes(results: Results, unit: str) -> Shown:
-    sizes = [in_unit(unit) * np.sqrt(area(each.mesh)) for each, _ in results]
-    low, high = min(float(each.min()) for each in sizes), max(float(each.max()) for each in sizes)
-    return _found_by_page(f"size, root of the area{f' ({unit})' if unit else ''}", "size", low, high, "log")
+    sizes = np.concatenate([in_unit(unit) * np.sqrt(area(each.mesh)) for each, _ in results])
+    label = f"size, root of the area{f' ({unit})' if unit else ''}"
+    return _by_page(label, "size", float(sizes.min()), float(sizes.max()), "log")
+
+
+def _of_solids(results: Results, unit: str) -> list[Shown]:
+    sizes = [in_unit(unit) * shown.of_elements(np.cbrt(area(each.mesh))) for each, shown in results]
+    low, high = (float(bound(np.concatenate(sizes))) for bound in (np.min, np.max))
+    label = f"size, cube root of the volume{f' ({unit})' if unit else ''}"
+    qualities = [shown.of_elements(quality(each.mesh)) for each, shown in results]
+    return [_scaled(QUALITY, qualities, 0.0, 1.0), _scaled(label, sizes, low, high, "log")]
 
 
 def _subdomains(results: Results) -> Shown:
     names: dict[str, int] = {}
     values = [_numbers_of_names(shown.mesh, names) for _, shown in results]
     about = {"label": "subdomain", "kind": "values", "at": "element", "names": list(names)[: MOST_NAMES + 1]}
-    return Shown(about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values])
+    return about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values]
 
 
 def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
