@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from os import PathLike
 from pickle import PicklingError
 from typing import Any
@@ -107,7 +107,8 @@ def sweep(
     report()
     missing = {number: case for number, case in enumerate(listed) if number not in outcomes}
     if missing:
-        with _open(executor, len(missing)) as engine:
+        count = min(len(missing), number_of_threads())
+        with LocalPool(compile_missing, count) if executor is None else nullcontext(executor) as engine:
             _compute(engine, function, missing, ended)
     return tabulated(listed, [outcomes[number] for number in range(len(listed))])
 
@@ -125,29 +126,21 @@ def _check(function: Any, executor: Any, progress: Any) -> None:
         check_pickled(function)
 
 
-def _open(executor: Executor | None, count: int) -> AbstractContextManager[Executor]:
-    return LocalPool(compile_missing, min(count, number_of_threads())) if executor is None else nullcontext(executor)
-
-
 def _compute(
     executor: Executor, function: Callable[..., Any], cases: Mapping[int, Case], ended: Callable[[int, Outcome], Any]
 ) -> None:
     futures: dict[Future[Outcome], int] = {}
     try:
-        for number, case in cases.items():
-            futures[_submitted(executor, function, case)] = number
+        try:
+            for number, case in cases.items():
+                futures[executor.submit(compute, function, case)] = number
+        except (AttributeError, TypeError, PicklingError) as error:  # Dask pickles at once
+            raise cannot_be_pickled(error) from error
         for future in as_completed(futures):
             ended(futures[future], _outcome(future))
     finally:
         for future in futures:
             future.cancel()
-
-
-def _submitted(executor: Executor, function: Callable[..., Any], case: Case) -> "Future[Outcome]":
-    try:
-        return executor.submit(compute, function, case)
-    except (AttributeError, TypeError, PicklingError) as error:  # Dask pickles at once
-        raise cannot_be_pickled(error) from error
 
 
 def _outcome(future: "Future[Outcome]") -> Outcome:
