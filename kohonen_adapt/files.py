@@ -2,21 +2,20 @@
 
 import errno
 import os
+import platform
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
-
-if sys.platform != "win32":
-    import fcntl
+from typing import Any
 
 __all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files", "write_whole"]
 
-PREFIX, SUFFIX = ".kohonen-adapt.", ".draft"  # of the folders of drafts
-LOCK = "kohonen-adapt.lock"  # file in a folder of drafts, locked by the writer
+DRAFT, SUFFIX = f".kohonen-adapt.{platform.node()}.", ".draft"  # of the folders of drafts, around the process
+LONG = 86400.0  # s; an older draft is abandoned on systems that do not tell which processes run
 
 
 @contextmanager
@@ -75,8 +74,7 @@ def whole_files(folder: Path) -> Iterator[Path]:
         with _draft_folder(folder) as draft:
             yield draft
             for file in sorted(draft.iterdir()):
-                if file.name != LOCK:
-                    _give_name(file, folder / file.name)
+                _give_name(file, folder / file.name)
             _sync_names(folder)
     except OSError as error:
         name = Path(os.fsdecode(error.filename)).name if isinstance(error.filename, str | bytes) else ""
@@ -84,11 +82,23 @@ def whole_files(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts(folder: Path) -> None:
-    # The system drops the lock of a draft when its writer ends, in any way. So a draft whose lock is free is
-    # abandoned; drafts on file systems without locks and of other users are kept.
-    for draft in folder.glob(f"{PREFIX}*{SUFFIX}"):
-        with suppress(OSError):
-            _remove_abandoned(draft)
+    # Those of processes of this computer that have ended; drafts of other computers are kept.
+    for draft in folder.glob(f"{DRAFT}*{SUFFIX}"):
+        if not _is_written(draft):
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def _is_written(draft: Path) -> bool:
+    process = draft.name.removeprefix(DRAFT).partition(".")[0]
+    try:
+        if sys.platform == "win32" or not process.isdecimal():  # without a harmless signal
+            return time.time() - draft.stat().st_mtime < LONG
+        os.kill(int(process), 0)
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+    except (OSError, OverflowError):  # of another user
+        return True
+    return True
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -103,54 +113,12 @@ def save_figure(path: Path, figure: Any) -> None:
 
 @contextmanager
 def _draft_folder(folder: Path) -> Iterator[Path]:
-    """Yield a locked folder within `folder`, which is removed at the end.
-
-    Files in it get the mode and the access rights of any new file, and no other user can plant a link there.
-    """
-    draft, lock = _locked_folder(folder)
+    """Yield a folder within `folder`, which is removed at the end."""
+    draft = Path(tempfile.mkdtemp(SUFFIX, f"{DRAFT}{os.getpid()}.", folder))
     try:
         yield draft
     finally:
-        lock.close()
         shutil.rmtree(draft, ignore_errors=True)
-
-
-def _locked_folder(folder: Path) -> tuple[Path, IO[bytes]]:
-    while True:
-        draft = Path(tempfile.mkdtemp(SUFFIX, PREFIX, folder))
-        try:
-            lock = (draft / LOCK).open("xb")
-        except FileNotFoundError:  # `remove_drafts` took the folder, which had no lock yet
-            continue
-        except OSError:
-            draft.rmdir()
-            raise
-        if _lock(lock, without=True) and os.fstat(lock.fileno()).st_nlink:
-            return draft, lock
-        lock.close()  # `remove_drafts` was faster
-
-
-def _remove_abandoned(draft: Path) -> None:
-    if sys.platform == "win32":
-        (draft / LOCK).unlink()  # Windows refuses this while the writer has the file open
-        shutil.rmtree(draft)
-    elif not (draft / LOCK).exists():
-        draft.rmdir()  # its writer was killed before the lock, or will create another folder
-    else:
-        with (draft / LOCK).open("r+b") as lock:
-            if _lock(lock, without=False):
-                shutil.rmtree(draft)
-
-
-def _lock(file: IO[bytes], without: bool) -> bool:
-    if sys.platform != "win32":
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:
-            return without
-    return True
 
 
 def _give_name(draft: Path, path: Path) -> None:

@@ -8,7 +8,7 @@ import threading
 import pytest
 from helpers.processes import leave_drafts
 
-from kohonen_adapt.files import remove_drafts, whole_file, whole_files
+from kohonen_adapt.files import DRAFT, SUFFIX, remove_drafts, whole_file, whole_files
 
 needs_modes = pytest.mark.skipif(os.name == "nt", reason="modes and locks of POSIX")
 
@@ -183,16 +183,21 @@ def test_drafts_of_the_living_stay(tmp_path):
 
 def test_a_link_under_the_name_of_a_draft_loses_nothing(tmp_path):
     _made(tmp_path / "elsewhere").joinpath("file").touch()
-    leave_drafts(tmp_path / "elsewhere" / "mesh.msh")
-    for number, draft in enumerate([tmp_path / "elsewhere", *(tmp_path / "elsewhere").glob(".*")]):
-        (tmp_path / f".kohonen-adapt.{number}.draft").symlink_to(draft, target_is_directory=True)
+    for number, target in enumerate([tmp_path / "elsewhere", tmp_path / "elsewhere" / "file"]):
+        (tmp_path / f"{DRAFT}99999999.{number}{SUFFIX}").symlink_to(target)
     before = sorted(tmp_path.rglob("*"))
     remove_drafts(tmp_path)
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_drafts_of_another_computer_stay(tmp_path):
+    _made(tmp_path / ".kohonen-adapt.elsewhere.99999999.a.draft")
+    remove_drafts(tmp_path)
+    assert len(names_in(tmp_path)) == 1
+
+
 def test_writers_and_clean_ups_side_by_side(tmp_path):
-    """The lock of a draft comes after its folder; a clean-up in between takes the folder, and nothing from a writer."""
+    """A clean-up takes nothing from a writer that runs."""
     ended = threading.Event()
 
     def clean():
