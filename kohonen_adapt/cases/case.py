@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -159,7 +159,8 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh, curved=True, space=True)
-        _check_turn(mesh, self.turn)
+        if self.turn and type(mesh) is TETRAHEDRON.mesh:
+            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
@@ -258,11 +259,6 @@ class Case:
         return given | ({"curves": curves} if curves else {})
 
 
-def _check_turn(mesh: Mesh, turn: Turn) -> None:
-    if type(mesh) is TETRAHEDRON.mesh and turn:
-        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
-
-
 def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
     """Return the problem for tetrahedra of a case that is also valid in the plane.
 
@@ -273,19 +269,15 @@ def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
     """
     default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
     shared = ("materials", "potential", "estimator", "goal", "order")
+    pairs = {each.name: (getattr(problem, each.name), getattr(default, each.name)) for each in fields(problem)}
     plane_only = [
-        each.name
-        for each in fields(problem)
-        if each.name not in shared and not _is_default(each.name, problem, default)
+        name
+        for name, (value, expected) in pairs.items()
+        if name not in shared and not (value == expected and type(value) is type(expected))
     ]
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
     return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
-
-
-def _is_default(name: str, problem: Magnetostatics, default: Magnetostatics) -> bool:
-    value, expected = getattr(problem, name), getattr(default, name)
-    return bool(value == expected and type(value) is type(expected))
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:

@@ -1,8 +1,8 @@
 """Description of a mesh and of its faults."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from itertools import combinations
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,6 @@ __all__ = [
     "facets_described",
     "faults",
     "held_described",
-    "hints",
     "hints_of_mesh",
     "moving",
     "outlines_described",
@@ -71,25 +70,18 @@ def angles_described(mesh: MeshTet) -> str:
 
 def surfaces_described(movable: MovableSolid) -> list[str]:
     surfaces, number = movable.surfaces, movable.freedom.number
-    shapes = [_counted_shape(surfaces.size[surfaces.shape == shape], text) for shape, text in SHAPES.items()]
+    sizes = {text: surfaces.size[surfaces.shape == shape] for shape, text in SHAPES.items()}
+    shapes = [
+        counted(len(size), text) + (_radii(size) if text in ("sphere", "cylinder") else "")
+        for text, size in sizes.items()
+        if len(size)
+    ]
     inside, faces, ridges, held = (np.sum(number == kind) for kind in (INSIDE, ON_PATCH, ON_RIDGE, HELD))
     return [
-        f"surfaces: {len(surfaces.shape)}, {', '.join(filter(None, shapes)) or 'of unknown shape'}; "
+        f"surfaces: {len(surfaces.shape)}, {', '.join(shapes) or 'of unknown shape'}; "
         f"{counted(len(surfaces.ridge_shape), 'edge')} between them",
         f"nodes: {inside} free, {faces} on surfaces, {ridges} on edges, {held} fixed",
     ]
-
-
-def _counted_shape(sizes: Floats, what: str) -> str:
-    if not len(sizes):
-        return ""
-    radii = list(dict.fromkeys(f"{size:.4g}" for size in np.sort(sizes))) if what in ("sphere", "cylinder") else []
-    return counted(len(sizes), what) + (f" (radius {', '.join(radii)} m)" if radii else "")
-
-
-def hints_of_surfaces(movable: MovableSolid) -> Iterator[str]:
-    yield from doubtful_patches(movable)
-    yield from (each.advice() for each in possible_cylinders(movable))
 
 
 def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
@@ -112,7 +104,7 @@ def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
 
 
 def described(mesh: Mesh) -> list[str]:
-    cell, facets, angles = cell_of(mesh), *ALONE[len(mesh.p)]
+    cell, in_plane = cell_of(mesh), len(mesh.p) == 2
     areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
     worst = int(np.argmin(value))
     return [
@@ -122,14 +114,14 @@ def described(mesh: Mesh) -> list[str]:
             for name, rows in sorted(named_sets(mesh.subdomains).items())
         ),
         *(
-            f"boundary '{name}': {counted(len(rows), 'facet')}{facets(mesh, rows)}"
+            f"boundary '{name}': {counted(len(rows), 'facet')}{'' if in_plane else facets_described(mesh, rows)}"
             for name, rows in sorted(named_sets(mesh.boundaries).items())
         ),
         f"coverage: {np.sum(count == 1)} {plural(cell.name)} in one subdomain, {np.sum(count == 0)} in none, "
         f"{np.sum(count > 1)} in two or more",
         f"quality: worst {value[worst]:.3g} ({cell.name} {worst} near {_middle(mesh, worst)} m), "
         f"mean {value.mean():.3g}",
-        angles(mesh),
+        _smallest_angle(mesh) if in_plane else angles_described(mesh),
     ]
 
 
@@ -139,10 +131,8 @@ def points_described(groups: Groups) -> list[str]:
 
 
 def _memberships(mesh: Mesh) -> Ints:
-    count = np.zeros(mesh.t.shape[1], dtype=np.int64)
-    for rows in named_sets(mesh.subdomains).values():
-        count[rows] += 1
-    return count
+    rows = [np.empty(0, np.int64), *named_sets(mesh.subdomains).values()]
+    return np.bincount(np.concatenate(rows), minlength=mesh.t.shape[1])
 
 
 def unions(mesh: Mesh) -> dict[str, list[str]]:
@@ -169,20 +159,13 @@ def _smallest_angle(mesh: Mesh) -> str:
     return f"smallest angle: {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees"
 
 
-ALONE: dict[int, tuple[Callable[[Mesh, Ints], str], Callable[[Mesh], str]]] = {
-    2: (lambda mesh, rows: "", _smallest_angle),
-    3: (facets_described, angles_described),
-}
-"""Dimension to the descriptions of facets and of angles."""
-
-
 def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[list[str], Iterator[str]]:
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
-        return surfaces_described(solid), hints_of_surfaces(solid)
+        return surfaces_described(solid), chain(doubtful_patches(solid), advice(possible_cylinders(solid)))
     movable = MovableMesh.of(mesh, rules)
-    return outlines_described(movable), hints(movable)
+    return outlines_described(movable), chain(thin_parts(movable), advice(possible_arcs(movable)))
 
 
 def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
@@ -242,9 +225,8 @@ def hints_of_mesh(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
         )
 
 
-def hints(movable: MovableMesh) -> Iterator[str]:
-    yield from thin_parts(movable)
-    yield from (arc.advice() for arc in possible_arcs(movable))
+def advice(found: Iterable[Any]) -> Iterator[str]:
+    return (each.advice() for each in found)
 
 
 def thin_parts(movable: MovableMesh) -> Iterator[str]:

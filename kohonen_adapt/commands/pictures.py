@@ -203,34 +203,28 @@ def _potentials(case: Case) -> dict[str, FieldOf]:
     return {**(flux if case.problem.axisymmetric else {}), "vector potential A (Wb/m)": _potential}
 
 
-def _potential(field: Any, flux: bool = False) -> Floats:
+def _potential(field: Any, flux: bool = False, by_corners: int = BY_CORNERS) -> Floats:
     order = field.elements.order
-    if order <= BY_CORNERS:
+    if order <= by_corners:
         return field.unknown[: field.mesh.nvertices] if flux else field.potential
     share, _ = lattice(order)
     values = field.potential_at_each(share)
     return values * field.at_each(share).x[0].reshape(values.shape) if flux else values
 
 
-def _magnitude(field: Any) -> Floats:
+def _magnitude(field: Any, divisions: int = 0) -> Floats:
     # in T, (nelements,), or above order 1 (k, nelements) on a lattice
     order = field.elements.order
     if order == 1 or len(field.mesh.p) == 3:
         return magnitude(field.flux_density)
-    share, _ = lattice(order - 1 if order > BY_CORNERS else 1)
+    share, _ = lattice(divisions or (order - 1 if order > BY_CORNERS else 1))
     return np.hypot(*field.at_each(share).flux_density).reshape(share.shape[1], -1)
 
 
 def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     if len(field.mesh.p) == 3:
         return field.potential[: field.mesh.nvertices], _magnitude(field)
-    if field.elements.order == 1:
-        return field.unknown, _magnitude(field)
-    share, _ = lattice(field.elements.order)
-    at, lines = field.at_each(share), field.potential_at_each(share)
-    if field.axisymmetric:
-        lines = lines * at.x[0].reshape(lines.shape)
-    return lines, np.hypot(*at.flux_density).reshape(lines.shape)
+    return _potential(field, flux=field.axisymmetric, by_corners=1), _magnitude(field, field.elements.order)
 
 
 def _coils(case: Case) -> list[Coil]:

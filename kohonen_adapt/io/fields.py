@@ -130,7 +130,8 @@ def _match_cells(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str
     used = np.unique(cells)
     counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
     # Programs with discontinuous elements write a point for every corner.
-    if counts != own and (_distinct(points[used]), counts[1]) != (_distinct(mesh.p.T), own[1]):
+    distinct = [len(np.unique(each, axis=0)) for each in (points[used], mesh.p.T)] if counts != own else [0, 0]
+    if distinct[0] != distinct[1] or counts[1] != own[1]:
         raise ValueError(
             f"read_field expected a field on the mesh, of {own[0]} nodes and {own[1]} {plural(shape)}; '{path}' has "
             f"{counts[0]} and {counts[1]}."
@@ -166,10 +167,6 @@ def _check_unit(mesh: Mesh, points: Floats, path: Path, scale: float) -> None:
         )
 
 
-def _distinct(points: Floats) -> int:
-    return len(np.unique(points, axis=0))
-
-
 def _nearest(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -> Ints:
     check_finite(given, path, "read_field", what)
     distance, place = cKDTree(given).query(wanted)
@@ -199,7 +196,8 @@ def _field(content: CellFields, name: str | None, path: Path) -> Field:
 def _of_elements(values: NDArray[Any], order: Order, dim: int, what: str) -> Floats:
     # from corners (m, k, components) to elements
     place = order.get(values.shape[-1], ())
-    if not (values.dtype.kind in "iuf" and (values.shape[-1] == 1 or len(place) >= dim)) or _is_vector(values):
+    in_plane = values.shape[-1] == 3 and not values[..., 2].any()  # a vector, as ParaView needs it
+    if not (values.dtype.kind in "iuf" and (values.shape[-1] == 1 or len(place) >= dim)) or in_plane:
         raise ValueError(
             f"{what} must be one real number or a tensor per node or element; got {values.shape[-1]}{REMEDY}"
         )
@@ -207,8 +205,3 @@ def _of_elements(values: NDArray[Any], order: Order, dim: int, what: str) -> Flo
     if values.shape[-1] == 1:
         return np.mean(values[..., 0], axis=1)
     return mean_tensors(checked_tensors(values[..., np.array(place)[:dim, :dim]], what))
-
-
-def _is_vector(values: NDArray[Any]) -> bool:
-    # of the plane, as ParaView needs them
-    return values.shape[-1] == 3 and not values[..., 2].any()

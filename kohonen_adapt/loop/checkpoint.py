@@ -128,11 +128,24 @@ class Checkpoint:
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"found format {about['format']} and pass {about['number']}")
             values = {name: _field(about, arrays, name) for name in self._names()}
-            _check_kinds(values | {"run": about["run"]}, get_type_hints(self.record) | {"run": dict[str, str]})
+            kinds = get_type_hints(self.record) | {"run": dict[str, str]}
+            for name, value in (values | {"run": about["run"]}).items():
+                if not _is_of(value, kinds[name]):
+                    raise ValueError(f"{name} must be {kinds[name]}; got {value!r}")
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise self._damaged(file, error) from error
-        _check_run(self.folder, about["run"], self.run)
+        before, now = about["run"], self.run
+        differing = [
+            f"{name} differs" if now.get(name, "").startswith(DIGEST) else f"{name} was {was}, now {is_}"
+            for name in dict.fromkeys([*before, *now])
+            if (was := before.get(name, "none")) != (is_ := now.get(name, "none"))
+        ]
+        if differing:
+            raise ValueError(
+                f"the checkpoint in '{self.folder}' belongs to another run: {'; '.join(differing)}. Use the mesh, "
+                "problem and arguments of that run, or another folder."
+            )
         return values, state
 
     def _damaged(self, file: Path, error: Exception) -> ValueError:
@@ -146,12 +159,6 @@ def _check_sizes(content: Any, file_size: int) -> None:
     declared = sum(member.file_size for member in content.zip.infolist())
     if declared > file_size:
         raise ValueError(f"contents of {declared} bytes in a file of {file_size} bytes")
-
-
-def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, Any]) -> None:
-    for name, value in values.items():
-        if not _is_of(value, kinds[name]):
-            raise ValueError(f"{name} must be {kinds[name]}; got {value!r}")
 
 
 def _is_of(value: Any, kind: Any) -> bool:
@@ -172,19 +179,6 @@ def _is_of(value: Any, kind: Any) -> bool:
 def _field(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
     value = {**ADDED, **about, **arrays}[name]
     return tuple(value) if isinstance(value, list) else value
-
-
-def _check_run(folder: Path, before: Mapping[str, str], now: Mapping[str, str]) -> None:
-    differing = [
-        f"{name} differs" if now.get(name, "").startswith(DIGEST) else f"{name} was {was}, now {is_}"
-        for name in dict.fromkeys([*before, *now])
-        if (was := before.get(name, "none")) != (is_ := now.get(name, "none"))
-    ]
-    if differing:
-        raise ValueError(
-            f"the checkpoint in '{folder}' belongs to another run: {'; '.join(differing)}. Use the mesh, problem and "
-            "arguments of that run, or another folder."
-        )
 
 
 def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:

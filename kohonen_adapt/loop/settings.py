@@ -148,7 +148,10 @@ class Tolerance:
 
     def _of_estimate(self, last: Pass) -> list[str]:
         tolerance = self.of_energy(last.energy_norm)
-        return [] if tolerance is None else [_tolerance_text(tolerance, last)]
+        if tolerance is None:
+            return []
+        squared = f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
+        return [f"{tolerance:.4g}" if last.goal is None else squared]
 
     def errors_text(self, last: Pass) -> list[str]:
         texts, values = list[str](), values_of(last)
@@ -178,10 +181,6 @@ def _vanishes(name: str, passes: Sequence[Pass]) -> bool:
     values = [abs(step.outputs[name]) for step in passes]
     large = all(error > VANISHING * value for error, value in zip(errors, values, strict=True))
     return large and errors[-1] * values[0] >= KEPT * errors[0] * values[-1]
-
-
-def _tolerance_text(tolerance: float, last: Pass) -> str:
-    return f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
 
 
 def percent(fraction: float) -> str:

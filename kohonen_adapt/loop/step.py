@@ -94,7 +94,12 @@ class Adaptation:
         """Solve and estimate on the current mesh."""
         mesh = self.movable.mesh() if before else self.movable.start()
         work = work_of(moved, self.movable) if moved else Work()
-        nodes = indices_in_input(before, moved, self.movable.nnodes, self.settings.growth.start)
+        if before and moved:
+            old = moved.recycled.old
+            nodes = np.where(old >= 0, before.record.nodes[old], -1)
+        else:
+            nodes = np.arange(self.movable.nnodes)
+            nodes[self.settings.growth.start :] = -1  # new
         return self._assessed(self.problem, mesh, self.movable.copy(), before, work, nodes)
 
     def assess_at(self, problem: CheckedProblem, mesh: Mesh, before: Solved) -> Solved:
@@ -124,12 +129,18 @@ class Adaptation:
             )
             functional = found.functional
         figures["worth"] = float(np.hypot(figures["worth"], found.oscillation))
-        outputs = self.figures_of_outputs(sides, figures, before.record if before else None, is_raised)
+        outputs, errors, unimproved = self.outputs(solution), dict[str, float](), ""
+        if self.settings.tolerance.output_rtol is not None or (is_raised and figures["goal"] is not None):
+            last = before.record if before else None
+            errors, unimproved = self.output_errors(sides, outputs, figures["unknowns"], last)
         incomparable = self.incomparable(before, functional, mesh)
         record = Pass(
             **vars(work),
             **figures,
-            **outputs,
+            outputs=outputs,
+            output_errors=errors,
+            unimproved=unimproved,
+            doubts=doubts_of({**errors, "goal": figures["goal_error"]}),
             number=self.steps.number,
             mesh=mesh,
             nodes=nodes,
@@ -182,16 +193,6 @@ class Adaptation:
             "goal_error": goal_error(sides) if wants_error else None,
             "goal_unit": "" if goal is None else problem.goal_unit,
         }
-
-    def figures_of_outputs(
-        self, sides: Sides, figures: Mapping[str, Any], before: Pass | None, is_raised: bool
-    ) -> dict[str, Any]:
-        # fields of a `Pass`
-        outputs, errors, unimproved = self.outputs(sides.solution), dict[str, float](), ""
-        if self.settings.tolerance.output_rtol is not None or (is_raised and figures["goal"] is not None):
-            errors, unimproved = self.output_errors(sides, outputs, figures["unknowns"], before)
-        doubts = doubts_of({**errors, "goal": figures["goal_error"]})
-        return {"outputs": outputs, "output_errors": errors, "unimproved": unimproved, "doubts": doubts}
 
     def assess_again(self, record: Pass) -> Solved:
         # Raises ValueError if indicators or signs of outputs differ from the stored values, which means another
@@ -311,17 +312,6 @@ def goal_error(sides: Sides) -> Uncertain:
         return error
     goal, on_exact = (goal_of(sides.problem, solution) or 0.0 for solution in (sides.solution, exact))
     return shifted(error, on_exact - goal)
-
-
-def indices_in_input(before: Solved | None, moved: Moved[Any] | None, nnodes: int, ninput: int) -> Ints:
-    """Return the index in the input mesh of every node, -1 for a new node.
-
-    In the first mesh, nodes inserted for layers follow the `ninput` nodes of the input.
-    """
-    if before is None or moved is None:
-        return np.where(np.arange(nnodes) < ninput, np.arange(nnodes), -1)
-    old = moved.recycled.old
-    return np.where(old >= 0, before.record.nodes[old], -1)
 
 
 def root_of_squares(values: Floats) -> float:

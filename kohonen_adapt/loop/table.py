@@ -1,11 +1,11 @@
 """Table of passes as text and in HTML."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import Field, fields
+from dataclasses import fields
+from functools import partial
 from html import escape
 from itertools import chain, pairwise
 from math import floor, log10
-from typing import Any
 
 from kohonen_adapt.display import by_error, significant
 from kohonen_adapt.loop.figures import (
@@ -35,12 +35,11 @@ def changes_sign(before: float, after: float) -> bool:
 
 
 def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
-    number = [("pass", [str(step.number) for step in history])]
     return [
-        number,
+        [("pass", [str(step.number) for step in history])],
         _solution_columns(history),
         *_goal_columns(history),
-        *_output_columns(history),
+        *(_columns_of_output(name, history) for name in history[0].outputs),
         _work_columns(history),
     ]
 
@@ -76,8 +75,9 @@ def _solution_columns(history: tuple[Pass, ...]) -> Columns:
     if any(step.calibrated and step.energy_norm is not None for step in history):
         errors = [error for error in map(energy_norm_error, history) if error]
         decimals = _decimals(errors) if min(errors, default=1.0) < 0.01 else 2
-        columns.append(("Energy-norm error %", _cells(energy_norm_error, decimals, history)))
-        columns.append(("Energy error %", _cells(energy_error, _decimals(map(energy_error, history)), history)))
+        columns.append(("Energy-norm error %", _cells(map(energy_norm_error, history), f"{{:.{decimals}f}}".format)))
+        energies = [*map(energy_error, history)]
+        columns.append(("Energy error %", _cells(energies, f"{{:.{_decimals(energies)}f}}".format)))
     if any(energy is not None for energy in map(_energy, history)):
         columns.append(("Delta Energy %", _changes([_energy(step) for step in history], ".2f")))
     return columns
@@ -88,41 +88,36 @@ def _goal_columns(history: tuple[Pass, ...]) -> list[Columns]:
         return []
     figures = [goal_figures(step) for step in history]
     value, error, total, _ = figures[0]  # the estimate has its column in `_solution_columns`
-    least = _least([row[error] for row in figures])
+    with_digits = _by_least([row[error] for row in figures])
     return [
         [
-            (value, _by_error([row[value] for row in figures], least)),
-            (error.replace("goal error", "error"), _significant([row[error] for row in figures])),
-            (total, _by_error([row[total] for row in figures], least)),
+            (value, _cells((row[value] for row in figures), with_digits)),
+            (error.replace("goal error", "error"), _cells((row[error] for row in figures), _of_errors)),
+            (total, _cells((row[total] for row in figures), with_digits)),
         ]
     ]
 
 
-def _least(errors: Iterable[float | None]) -> float | None:
-    return min((abs(error) for error in errors if error is not None), default=None)
+_of_errors = partial(significant, digits=ERROR_DIGITS)
 
 
-def _by_error(values: Iterable[float | None], error: float | None) -> list[str]:
-    return [DASH if value is None else by_error(value, error) for value in values]
+def _by_least(errors: Iterable[float | None]) -> Callable[[float], str]:
+    return partial(by_error, error=min((abs(error) for error in errors if error is not None), default=None))
 
 
-def _significant(values: Iterable[float | None]) -> list[str]:
-    return [DASH if value is None else significant(value, ERROR_DIGITS) for value in values]
-
-
-def _output_columns(history: tuple[Pass, ...]) -> list[Columns]:
-    return [_columns_of_output(name, history) for name in history[0].outputs]
+def _cells(values: Iterable[float | None], text: Callable[[float], str]) -> list[str]:
+    return [DASH if value is None else text(value) for value in values]
 
 
 def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
     found = [values_of(step)[name] for step in history]
-    values = [each.value for each in found]
-    least = _least(each.error for each in found)
-    columns = [(name, _by_error(values, least)), ("Delta %", [DASH, *map(_output_change, values, values[1:])])]
-    if least is None:
+    values, errors = [each.value for each in found], [each.error for each in found]
+    with_digits = _by_least(errors)
+    columns = [(name, _cells(values, with_digits)), ("Delta %", [DASH, *map(_output_change, values, values[1:])])]
+    if not any(error is not None for error in errors):
         return columns
-    relative = _significant(each.relative_error for each in found)
-    return [*columns, ("error %", relative), ("corrected", _by_error((each.corrected for each in found), least))]
+    relative = _cells((each.relative_error for each in found), _of_errors)
+    return [*columns, ("error %", relative), ("corrected", _cells((each.corrected for each in found), with_digits))]
 
 
 def _output_change(before: float, after: float) -> str:
@@ -131,33 +126,23 @@ def _output_change(before: float, after: float) -> str:
 
 
 def _work_columns(history: tuple[Pass, ...]) -> Columns:
-    work = {entry.name for entry in fields(Work)}
-    columns = [("elements", [str(step.mesh.t.shape[1]) for step in history])]
-    columns += [_column(entry, history) for entry in _titled_fields(history) if entry.name not in work]
-    columns.append(("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]))
+    figures, work = Columns(), Columns()
+    for entry in fields(history[0]):
+        if "title" in entry.metadata:
+            values = [getattr(step, entry.name) for step in history]
+            cells = [format(value, entry.metadata["form"]).removesuffix(".") for value in values]
+            if not hasattr(Work, entry.name):
+                figures.append((entry.metadata["title"], cells))
+            elif any(values):
+                work.append((entry.metadata["title"], [DASH, *cells[1:]]))
     if any(step.functional is not None for step in history):
-        columns.append(("gain of map", [DASH, *(_gain_of_map(*pair) for pair in pairwise(history))]))
-    for entry in _titled_fields(history):
-        if entry.name in work and any(getattr(step, entry.name) for step in history):
-            title, cells = _column(entry, history)
-            columns.append((title, [DASH, *cells[1:]]))
-    return columns
-
-
-def _titled_fields(history: tuple[Pass, ...]) -> list[Field[Any]]:
-    return [entry for entry in fields(history[0]) if "title" in entry.metadata]
-
-
-def _column(entry: Field[Any], history: tuple[Pass, ...]) -> tuple[str, list[str]]:
-    return entry.metadata["title"], [_formatted(getattr(step, entry.name), entry.metadata["form"]) for step in history]
-
-
-def _formatted(value: Any, form: str) -> str:
-    return format(value, form).removesuffix(".")
-
-
-def _cells(figure: Callable[[Pass], float | None], decimals: int, history: tuple[Pass, ...]) -> list[str]:
-    return [DASH if value is None else f"{value:.{decimals}f}" for value in map(figure, history)]
+        work.insert(0, ("gain of map", [DASH, *(_gain_of_map(*pair) for pair in pairwise(history))]))
+    return [
+        ("elements", [str(step.mesh.t.shape[1]) for step in history]),
+        *figures,
+        ("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]),
+        *work,
+    ]
 
 
 def _decimals(values: Iterable[float | None]) -> int:

@@ -198,7 +198,7 @@ def filled_page(
         without_pictures="" if pictures else " hidden",
         settings=_each("<h3>{}</h3>\n<pre>{}</pre>", settings.items()),
         versions=_each("<dt>{}</dt><dd>{}</dd>", versions().items()),
-        data=_json(data),
+        data=json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         script=script,
     )
     return filled.encode("utf-8", "replace")  # for unpaired surrogates in names
@@ -219,10 +219,6 @@ def _policy(style: str, script: str) -> str:
 
 def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-
-
-def _json(data: Mapping[str, Any]) -> str:
-    return json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _source(caption: str, content: bytes) -> str:
