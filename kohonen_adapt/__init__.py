@@ -10,8 +10,7 @@ from kohonen_adapt.io import read_curves, read_field, read_groups, read_mesh, wr
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.passes import Pass, Status
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.single_steps import polish, relocate
-from kohonen_adapt.loop.why_held import why_held
+from kohonen_adapt.loop.single_steps import polish, relocate, why_held
 from kohonen_adapt.mesh.joining import merge
 from kohonen_adapt.mesh.locate import find_elements, interpolate
 from kohonen_adapt.mesh.measures import quality

@@ -85,7 +85,7 @@ def counted(count: int, what: str) -> str:
 
 
 def plural(what: str) -> str:
-    return {"tetrahedron": "tetrahedra", "patch": "patches"}.get(what, f"{what}s")
+    return {"tetrahedron": "tetrahedra", "patch": "patches", "pass": "passes"}.get(what, f"{what}s")
 
 
 def significant(value: float, digits: int) -> str:

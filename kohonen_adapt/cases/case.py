@@ -20,6 +20,7 @@ from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import curves_in_file
 from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
@@ -188,12 +189,19 @@ class Case:
     @property
     def energy_unit(self) -> str:
         """Unit of squared indicators, for any depth."""
-        return "J/m" if isinstance(self.problem, Magnetostatics) and not self.problem.axisymmetric else "J"
+        return "J/m" if isinstance(self.problem, Magnetostatics) and not self.axisymmetric else "J"
+
+    @property
+    def axisymmetric(self) -> bool:
+        return isinstance(self.problem, Magnetostatics) and self.problem.axisymmetric
+
+    @property
+    def coils(self) -> Mapping[str, Coil]:
+        return {} if isinstance(self.problem, Magnetostatics) else self.problem.coils or {}
 
     def _as_total(self, unit: str) -> str:
-        problem = self.problem
-        flat = isinstance(problem, Magnetostatics) and not problem.axisymmetric and problem.depth is None
-        return f"{unit}/m" if flat else unit
+        flat = isinstance(self.problem, Magnetostatics) and self.problem.depth is None
+        return f"{unit}/m" if flat and not self.axisymmetric else unit
 
     @property
     def pairs(self) -> Sequence[Pair]:

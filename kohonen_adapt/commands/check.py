@@ -22,7 +22,7 @@ from kohonen_adapt.geometry.space.prisms import possible_cylinders
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
-from kohonen_adapt.loop.why_held import why_held
+from kohonen_adapt.loop.single_steps import why_held
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.measures import area, hat_gradients, quality
 from kohonen_adapt.mesh.names import named_sets

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.plan import allowed_errors
-from kohonen_adapt.display import lattice
+from kohonen_adapt.display import counted, lattice
 from kohonen_adapt.files import save_figure
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
 from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.why_held import reasons_at
-from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.loop.single_steps import reasons_at
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.measures import magnitude
@@ -85,7 +84,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
     from kohonen_adapt import plotting  # needs matplotlib
 
     unit, order = _length_unit(after), CheckedProblem(case.problem).at_grading_order.order
-    plane, axis = _plane_through(after), _is_axisymmetric(case)
+    plane, axis = _plane_through(after), case.axisymmetric
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
@@ -106,7 +105,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         ).figure
     else:
         size, label = _magnitude(after.solution), "flux density |B| (T)"
-        look: Any = {"label": label, "unit": unit, "coils": _coils(case)}
+        look: Any = {"label": label, "unit": unit, "coils": case.coils.values()}
         figures[SURFACE] = plotting.plot_surface(after.mesh, size, **look).figure
         figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, **look).figure
     for name, figure in figures.items():
@@ -130,7 +129,7 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
         lines_title="Flux lines" if len(after.mesh.p) == 2 else "Potential",
         plane=_plane_through(after),
         unit=_length_unit(after),
-        axisymmetric=_is_axisymmetric(case),
+        axisymmetric=case.axisymmetric,
     )
 
 
@@ -154,9 +153,9 @@ def _write_report(
         indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
         held=lambda result: _why_held(case, before, result),
         plane=_plane_through(after),
-        coils=_coils(case),
+        coils=case.coils.values(),
         unit=_length_unit(after),
-        axisymmetric=_is_axisymmetric(case),
+        axisymmetric=case.axisymmetric,
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
         bracket=bracket,
@@ -186,12 +185,11 @@ def _asked(case: Case, before: AdaptResult) -> str:
     target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
     allowed = allowed_errors(case)
     until = f", until {allowed}" if allowed else ""
-    passes = case.most_passes
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
     return (
         f"Task: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
-        f"{target} in at most {passes} pass{'es' * (passes != 1)}{until}, {by} estimate of "
+        f"{target} in at most {counted(case.most_passes, 'pass')}{until}, {by} estimate of "
         f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
     )
 
@@ -200,7 +198,7 @@ def _potentials(case: Case) -> dict[str, FieldOf]:
     if not isinstance(case.problem, Magnetostatics):
         return {"scalar potential (A)": lambda field: field.potential[: field.mesh.nvertices]}
     flux: dict[str, FieldOf] = {"flux function r A (Wb)": lambda field: _potential(field, flux=True)}
-    return {**(flux if case.problem.axisymmetric else {}), "vector potential A (Wb/m)": _potential}
+    return {**(flux if case.axisymmetric else {}), "vector potential A (Wb/m)": _potential}
 
 
 def _potential(field: Any, flux: bool = False, by_corners: int = BY_CORNERS) -> Floats:
@@ -225,14 +223,6 @@ def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
     if len(field.mesh.p) == 3:
         return field.potential[: field.mesh.nvertices], _magnitude(field)
     return _potential(field, flux=field.axisymmetric, by_corners=1), _magnitude(field, field.elements.order)
-
-
-def _coils(case: Case) -> list[Coil]:
-    return [] if isinstance(case.problem, Magnetostatics) else list((case.problem.coils or {}).values())
-
-
-def _is_axisymmetric(case: Case) -> bool:
-    return isinstance(case.problem, Magnetostatics) and case.problem.axisymmetric
 
 
 def _length_unit(result: AdaptResult) -> str:

@@ -10,13 +10,14 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import listed, point_text
+from kohonen_adapt.display import counted
 from kohonen_adapt.loop.corners import corner_sentences
 from kohonen_adapt.loop.growth import MAX_NODES
 from kohonen_adapt.loop.settings import percent
+from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.magnetostatics.scalar_potential import MagneticScalarPotential
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
@@ -46,24 +47,23 @@ def plan_sentence(case: Case, mesh: Mesh) -> str:
         return f"Plan: solve and estimate {mesh.nvertices} nodes without a pass."
     allowed, count = allowed_errors(case), case.most_passes
     until = f", until {allowed}," if allowed else " without a tolerance (rtol),"
-    return f"Plan: at most {count} pass{'es' * (count != 1)}{until} with {_nodes(case, mesh)} of {_orders(case)}."
+    return f"Plan: at most {counted(count, 'pass')}{until} with {_nodes(case, mesh)} of {_orders(case)}."
 
 
 def coil_sentences(case: Case) -> Iterator[str]:
-    problem = case.problem
-    for name, coil in () if isinstance(problem, Magnetostatics) else (problem.coils or {}).items():
+    for name, coil in case.coils.items():
         low, high = coil.winding.edges.min(axis=(0, 2)), coil.winding.edges.max(axis=(0, 2))
-        density = abs(coil.ampere_turns) / (coil.width * coil.height)
         yield (
             f"Coil '{name}': {coil.ampere_turns:g} A around {point_text(np.round(coil.axis, 6) + 0.0)}, from "
             f"{point_text(low)} to {point_text(high)} m, section {coil.width:g} x {coil.height:g} m, "
-            f"{density:.4g} A/m^2."
+            f"{_current_density(coil):.4g} A/m^2."
         )
 
 
 def case_hints(case: Case) -> Iterator[str]:
     problem = case.problem
-    currents = ampere_turns_of(problem)
+    in_plane = problem.ampere_turns or {} if isinstance(problem, Magnetostatics) else {}
+    currents = {**in_plane, **{name: coil.ampere_turns for name, coil in case.coils.items()}}
     if idle := [name for name, current in currents.items() if current == 0.0]:
         yield f"ampere_turns of {listed(idle)} is 0, so that no current flows there."
     sources: list[Any] = [
@@ -77,10 +77,8 @@ def case_hints(case: Case) -> Iterator[str]:
         yield "no current, magnet, applied field or potential other than 0 is given, so that the field is zero."
 
 
-def ampere_turns_of(problem: Magnetostatics | MagneticScalarPotential) -> Mapping[str, float]:
-    if isinstance(problem, Magnetostatics):
-        return problem.ampere_turns or {}
-    return {name: coil.ampere_turns for name, coil in (problem.coils or {}).items()}
+def _current_density(coil: Coil) -> float:
+    return abs(coil.ampere_turns) / (coil.width * coil.height)
 
 
 def strong_corners(case: Case, mesh: Mesh) -> list[str]:
@@ -171,9 +169,8 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
                 f"current_density of '{name}' is {material.current_density:g} A/m^2: that looks like A/mm^2. If so, "
                 f"write {material.current_density:g}e6."
             )
-    coils = {} if isinstance(problem, Magnetostatics) else problem.coils or {}
-    for name, coil in coils.items():
-        density = abs(coil.ampere_turns) / (coil.width * coil.height)
+    for name, coil in case.coils.items():
+        density = _current_density(coil)
         if density > MOST_CURRENT_DENSITY:
             yield (
                 f"coil '{name}' has {density:.4g} A/m^2, and windings have about 10^6: check its ampere_turns, in A, "

@@ -14,14 +14,22 @@ from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.final_order import raise_order
-from kohonen_adapt.loop.outcome import outcome, with_errors, with_worse_outputs
 from kohonen_adapt.loop.passes import Pass, StepFailed, Steps, work_of
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Settings, Tolerance
 from kohonen_adapt.loop.setup import aimed, check_goal, graded, node_counts, rules_for, stop_test
 from kohonen_adapt.loop.state import UNSOLVED, Solved, State
 from kohonen_adapt.loop.step import Adaptation
-from kohonen_adapt.loop.stopping import StopTest, failed_ending, interim_ending, interrupted_ending, stay_ending
+from kohonen_adapt.loop.stopping import (
+    StopTest,
+    failed_ending,
+    interim_ending,
+    interrupted_ending,
+    outcome,
+    stay_ending,
+    with_errors,
+    with_worse_outputs,
+)
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.problem.evaluation import Output, check_outputs, solve_again

@@ -13,7 +13,7 @@ from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.loop.stopping import stalls_by_estimate, stalls_by_functional
+from kohonen_adapt.loop.state import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.polishing.chords import longest_on_arcs
 from kohonen_adapt.polishing.functional import Functional

@@ -7,19 +7,16 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook, listed
+from kohonen_adapt.display import counted
+from kohonen_adapt.loop.corners import corner_remark
 from kohonen_adapt.loop.figures import energy_norm_error
 from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Ending, Pass, Status, StepFailed, Work, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
-from kohonen_adapt.loop.state import State, error_measure, underrating
-
-# The random training points scatter the estimate of a pass by about 1 %, so a pass without a decrease is often followed
-# by a pass with one. On the L-shape, example 22 of scikit-fem and a square magnet, with 225 to 3201 nodes, stopping
-# after two passes without a decrease gave an estimate 0.3 % (mean) and 1.6 % (maximum) above the best of ten passes;
-# after one pass 0.5 and 2.6 %, after three 0.2 and 1.6 %. A decrease by 0.1 % does not pay for a pass.
-STALL_PASSES = 2
-STALL_GAIN = 1e-3
+from kohonen_adapt.loop.state import STALL_GAIN, STALL_PASSES, State, underrating
+from kohonen_adapt.loop.step import Adaptation
+from kohonen_adapt.problem.uncertain import doubts_of
 
 # Ratio of the errors of an output on the result and on the input above which a remark is made. The errors are
 # differences from a better value, whose own error is up to a fifth of them (see test_goal_error.py).
@@ -287,7 +284,7 @@ def count_text(passes: Passes) -> str:
     last = passes[-1]
     raised = last.order > passes[0].order  # the last entry then is a solve without a pass
     count = last.number - raised
-    text = f"{count} pass{'' if count == 1 else 'es'}"
+    text = counted(count, "pass")
     return f"{text} and a solve of order {last.order}" if raised else text
 
 
@@ -295,25 +292,49 @@ def _named(step: Pass) -> str:
     return f"pass {step.number}" if step.number else "the input"
 
 
-def stalls_by_estimate(passes: Passes) -> bool:
-    if len(passes) <= STALL_PASSES:
-        return False
-    before = min(passes[:-STALL_PASSES], key=lambda step: step.worth)
-    return all(
-        error_measure(step, before) > (1.0 - STALL_GAIN) * error_measure(before, step)
-        for step in passes[-STALL_PASSES:]
-    )
+def with_errors(adaptation: Adaptation, state: State) -> State:
+    """Return the state with the errors of goal and outputs of its best pass.
 
-
-def stalls_by_functional(passes: Passes) -> bool:
-    """Return True if the last passes contributed too little of the total decrease.
-
-    Estimates overrate stretched tetrahedra, so they are compared only if a pass has no comparable functional.
+    With a tolerance of the goal or of outputs, and at a higher order, every pass has these errors.
     """
-    levels = [step.functional for step in passes if step.functional is not None and step.comparable]
-    if len(levels) < len(passes):
-        return stalls_by_estimate(passes)
-    if len(levels) <= STALL_PASSES:
-        return False
-    now = min(levels[-STALL_PASSES:])
-    return min(levels[:-STALL_PASSES]) - now <= STALL_GAIN * (levels[0] - now)
+    best, steps = state.best.record, adaptation.steps
+    if best.goal is None or state.raised:
+        return state
+    if best.goal_error is None:
+        steps.begin(best.number, "estimate the error of the goal")
+        error, trouble = adaptation.goal_error(state.best)
+        best = replace(best, goal_error=error, doubts=best.doubts | doubts_of({"goal": error}))
+        state = state.with_note(trouble and f"The error of the goal could not be estimated: {trouble}.")
+    if best.outputs and not best.output_errors:
+        steps.begin(best.number, "estimate the errors of outputs")
+        sides = adaptation.sides(state.best)
+        errors, unimproved = adaptation.output_errors(sides, best.outputs, best.unknowns, None)
+        best = replace(best, output_errors=errors, unimproved=unimproved, doubts=best.doubts | doubts_of(errors))
+    return state.with_record(best)
+
+
+def with_worse_outputs(adaptation: Adaptation, state: State) -> State:
+    """Return the state with a note on outputs that a stalled run made worse."""
+    best = state.best.record
+    if state.ending is None or state.ending.status is not Status.STALLED or state.raised:
+        return state
+    better, trouble = adaptation.better_outputs(adaptation.sides(state.best))
+    remark = unimproved_remark("" if best.unimproved else trouble)
+    return state.with_note(remark or outputs_remark(state.passes[0], best, better))
+
+
+def outcome(adaptation: Adaptation, state: State) -> Ending:
+    """Return the ending with all remarks on the passes and the result."""
+    ending, best = state.ending, state.best
+    if ending is None:
+        raise RuntimeError("the loop has not ended.")
+    problem, settings = adaptation.problem, adaptation.settings
+    ritz = best.functional.ritz if best.functional else None
+    remarks = [
+        *([state.raised] if state.raised else remarks_on_passes(state, settings, problem.norm)),
+        corner_remark(ending.status, problem, best.record.mesh, ritz),
+        unimproved_remark(next((step.unimproved for step in state.passes if step.unimproved), "")),
+        beside_goal_remark(best.record),
+        *state.notes,
+    ]
+    return replace(ending, message=" ".join(filter(None, [ending.message, *remarks])))

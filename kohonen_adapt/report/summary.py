@@ -16,8 +16,7 @@ from kohonen_adapt.loop.figures import (
     values_of,
 )
 from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import change_of_output, changes_sign
+from kohonen_adapt.loop.result import AdaptResult, change_of_output, changes_sign
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 

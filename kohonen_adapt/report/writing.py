@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.files import write_whole
 from kohonen_adapt.geometry.held_nodes import without_turns
-from kohonen_adapt.loop.result import AdaptResult
-from kohonen_adapt.loop.table import html_table
+from kohonen_adapt.loop.result import AdaptResult, html_table
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.mesh.slicing import CutBy

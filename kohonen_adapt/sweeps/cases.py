@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.display import by_error
 from kohonen_adapt.files import whole_file
-from kohonen_adapt.loop.table import DASH, Columns, table_blocks
+from kohonen_adapt.loop.result import DASH, Columns, table_blocks
 
 __all__ = [
     "ASKED",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-from kohonen_adapt.loop.stopping import STALL_GAIN, stalls_by_estimate, stalls_by_functional
+from kohonen_adapt.loop.state import STALL_GAIN, stalls_by_estimate, stalls_by_functional
 
 MESH = MeshTri()
 

@@ -12,8 +12,8 @@ from kohonen_adapt.loop.checkpoint import Checkpoint, fingerprint
 from kohonen_adapt.loop.figures import pass_figures
 from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.passes import shown
+from kohonen_adapt.loop.result import table_columns
 from kohonen_adapt.loop.settings import ONLY_ENDS, Settings
-from kohonen_adapt.loop.table import table_columns
 
 
 def plain(result):

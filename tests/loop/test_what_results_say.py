@@ -9,7 +9,7 @@ from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.figures import energy_error, pass_figures
-from kohonen_adapt.loop.table import table_columns
+from kohonen_adapt.loop.result import table_columns
 
 
 class Pull(Script):
