@@ -1,16 +1,20 @@
 """Array types, arrays with spare rows, and sorted rows."""
 
 from collections.abc import Callable
+from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Array",
+    "FilePath",
     "Floats",
     "Function",
     "Ints",
     "Mask",
+    "Texts",
     "counted",
     "free_rows",
     "grouped",
@@ -24,23 +28,26 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
 Mask = NDArray[np.bool_]
 Function = Callable[[Floats], Floats]
+Texts = NDArray[np.str_]
+Array = NDArray[Any]
+FilePath = str | PathLike[str]
 
 
-def padded(array: NDArray[Any], rows: int, value: float) -> NDArray[Any]:
-    longer = np.full((rows, *array.shape[1:]), value, dtype=array.dtype)
+def padded(array: Array, rows: int, value: float) -> Array:
+    longer = np.full((rows, *array.shape[1:]), value, array.dtype)
     longer[: len(array)] = array
     return longer
 
 
 def free_rows(used: int, rows: int) -> Ints:
-    stack = np.empty(rows, dtype=np.int32)
+    stack = np.empty(rows, np.int32)
     stack[: rows - used] = np.arange(rows - 1, used - 1, -1)
     return stack
 
 
 def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
     """Return the index in `order` of every row, or -1, shape (rows,)."""
-    places = np.full(rows, -1, dtype=np.int32)
+    places = np.full(rows, -1, np.int32)
     places[order] = np.arange(len(order))
     return places
 

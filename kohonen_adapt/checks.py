@@ -8,9 +8,9 @@ from math import isfinite
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Array, Floats
 
 __all__ = [
     "as_reals",
@@ -90,8 +90,8 @@ def check_hook(name: str, hook: object, expected: str) -> None:
 
 
 def check_state(
-    now: Mapping[str, NDArray[Any]],
-    state: Mapping[str, NDArray[Any]],
+    now: Mapping[str, Array],
+    state: Mapping[str, Array],
     rows: Mapping[str, int],
     numbers: Mapping[str, tuple[int, int]],
 ) -> None:
@@ -185,7 +185,7 @@ def as_reals(name: str, given: ArrayLike, shape: Mapping[str, int]) -> Floats:
         raise ValueError(f"{name} must have shape ({names}) = {wanted}; got {array.shape}.")
     if array.dtype.kind not in "biuf":
         raise ValueError(f"{name} must be real numbers; got {array.dtype}.")
-    return array.astype(np.float64)
+    return array.astype(float)
 
 
 def finite_reals(name: str, given: ArrayLike, shape: Mapping[str, int], place: str) -> Floats:
@@ -234,7 +234,7 @@ def finite_triple(point: ArrayLike, what: str) -> tuple[float, float, float]:
 
 def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> list[float]:
     try:
-        found = [float(coordinate) for coordinate in np.asarray(point, dtype=np.float64)]
+        found = [float(coordinate) for coordinate in np.asarray(point, float)]
     except (TypeError, ValueError):
         found = []
     if len(found) != count or not all(map(isfinite, found)):
@@ -243,7 +243,7 @@ def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> 
 
 
 def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:
-    array = np.array(points, dtype=np.float64)
+    array = np.array(points, float)
     if array.ndim != 2 or len(array) != dimension:
         raise ValueError(f"{what} must have shape ({dimension}, n); got {array.shape}.")
     if not np.all(np.isfinite(array)):

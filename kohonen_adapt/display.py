@@ -51,7 +51,7 @@ def in_unit(unit: str) -> float:
 
 
 def outlined_facets(mesh: MeshTri) -> Ints:
-    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.t.shape[1])
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.nelements)
     one, other = mesh.f2t
     return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
 
@@ -166,7 +166,7 @@ def lattice_shape(name: str, values: ArrayLike, nelements: int) -> dict[str, int
 def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     # The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
     share, triangles = lattice(divisions)
-    count = mesh.t.shape[1]
+    count = mesh.nelements
     p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
     if is_second_order(mesh):
         between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]

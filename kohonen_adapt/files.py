@@ -15,7 +15,7 @@ from typing import Any
 __all__ = ["remove_drafts", "save_figure", "whole_file", "whole_files", "write_whole"]
 
 DRAFT, SUFFIX = f".kohonen-adapt.{platform.node()}.", ".draft"  # of the folders of drafts, around the process
-LONG = 86400.0  # s; an older draft is abandoned on systems that do not tell which processes run
+LONG = 86400.0  # s; age of abandoned drafts on systems without signals
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def whole_files(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts(folder: Path) -> None:
-    # Those of processes of this computer that have ended; drafts of other computers are kept.
+    # Drafts whose process on this computer has ended are removed.
     for draft in folder.glob(f"{DRAFT}*{SUFFIX}"):
         if not _is_written(draft):
             shutil.rmtree(draft, ignore_errors=True)

@@ -94,9 +94,9 @@ def linear_potential(text: str, location: str) -> Value:
     def coefficients(node: ast.expr) -> Floats:  # the slopes over x and y and the constant, (3,)
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
-                return np.array([0.0, 0.0, value], dtype=np.float64)
+                return np.array([0.0, 0.0, value], float)
             case ast.Name(id="x" | "y" as axis):
-                return np.array([axis == "x", axis == "y", 0.0], dtype=np.float64)
+                return np.array([axis == "x", axis == "y", 0.0], float)
             case ast.UnaryOp(op=ast.UAdd() | ast.USub() as sign, operand=inner):
                 return SIGNS[type(sign)] * coefficients(inner)
             case ast.BinOp(op=ast.Add() | ast.Sub() as sign, left=left, right=right):

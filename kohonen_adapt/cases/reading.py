@@ -54,7 +54,11 @@ del ADAPT["checkpoint"]
 LARGEST = 10**6  # bytes, because the parser is slow and needs much more memory than the file
 
 
-def read_case(path: Path, options: Mapping[str, Any] | None = None) -> Case:
+Options = Mapping[str, Any]
+"""Keys and values of a table."""
+
+
+def read_case(path: Path, options: Options | None = None) -> Case:
     """Read a case from a TOML file.
 
     Parameters
@@ -91,7 +95,7 @@ def read_case(path: Path, options: Mapping[str, Any] | None = None) -> Case:
         return replace(case_of(with_options(given, options or {}), path.parent), file=path.name, text=text)
 
 
-def with_options(given: Mapping[str, Any], options: Mapping[str, Any]) -> Mapping[str, Any]:
+def with_options(given: Options, options: Options) -> Options:
     before = given.get("adapt", {})
     return {**given, "adapt": {**before, **options}} if options and isinstance(before, Mapping) else given
 
@@ -102,7 +106,7 @@ def _remedy(path: Path) -> str:
     return "Text needs quotes (single quotes if it has a backslash); numbers need a decimal point, not a comma."
 
 
-def case_of(given: Mapping[str, Any], folder: Path) -> Case:
+def case_of(given: Options, folder: Path) -> Case:
     """Return the settings in a table of keys, without reading the mesh file.
 
     Parameters
@@ -162,7 +166,7 @@ def _trusting(mesh: Path | Drawing, trusted: bool | None) -> Path | Drawing:
     return replace(mesh, trusted=trusted)
 
 
-def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -> None:
+def _check_outputs(output_rtol: Any, outputs: Options, problem: Any) -> None:
     for name in output_rtol if isinstance(output_rtol, Mapping) else ():
         if name not in outputs:
             raise ValueError(
@@ -173,7 +177,7 @@ def _check_outputs(output_rtol: Any, outputs: Mapping[str, Any], problem: Any) -
         raise ValueError("outputs.goal: the goal of the case is shown under this name; rename the output.")
 
 
-def _problem(values: Mapping[str, Any]) -> Magnetostatics | MagneticScalarPotential:
+def _problem(values: Options) -> Magnetostatics | MagneticScalarPotential:
     # Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
     solid = keys_of_space(values["materials"], values)
     if not solid:

@@ -121,7 +121,7 @@ def _partition(sets: dict[str, Ints], areas: Floats) -> set[str]:
 
 
 def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
-    taken, chosen = np.zeros(count, dtype=bool), set()
+    taken, chosen = np.zeros(count, bool), set()
     for name in names:
         if len(sets[name]) and not taken[sets[name]].any():
             taken[sets[name]] = True

@@ -96,7 +96,7 @@ def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Tur
 
 
 def _turned(name: str, material: Material, mesh: MeshTri, turns: Mask, rotation: Rotation) -> Material:
-    elements = (mesh.subdomains or {}).get(name, np.zeros(0, dtype=int))
+    elements = (mesh.subdomains or {}).get(name, np.zeros(0, int))
     vectors = {"remanence": material.remanence, "coercivity": material.coercivity}
     magnetic = {key: each for key, each in vectors.items() if each is not None and each != (0.0, 0.0)}
     if not magnetic or not turns[elements].any():

@@ -108,7 +108,7 @@ def described(mesh: Mesh) -> list[str]:
     areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
     worst = int(np.argmin(value))
     return [
-        f"size: {size_text(mesh)}, {mesh.p.shape[1]} nodes, {counted(mesh.t.shape[1], cell.name)}",
+        f"size: {size_text(mesh)}, {mesh.nvertices} nodes, {counted(mesh.nelements, cell.name)}",
         *(
             f"subdomain '{name}': {counted(len(rows), cell.name)}, {areas[rows].sum():.4g} m^{cell.dim}"
             for name, rows in sorted(named_sets(mesh.subdomains).items())
@@ -131,8 +131,8 @@ def points_described(groups: Groups) -> list[str]:
 
 
 def _memberships(mesh: Mesh) -> Ints:
-    rows = [np.empty(0, np.int64), *named_sets(mesh.subdomains).values()]
-    return np.bincount(np.concatenate(rows), minlength=mesh.t.shape[1])
+    rows = [np.empty(0, int), *named_sets(mesh.subdomains).values()]
+    return np.bincount(np.concatenate(rows), minlength=mesh.nelements)
 
 
 def unions(mesh: Mesh) -> dict[str, list[str]]:
@@ -260,7 +260,7 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
 
 def _names(mesh: Mesh) -> Iterator[str]:
     sets = named_sets(mesh.subdomains)
-    is_in = np.zeros((len(sets), mesh.t.shape[1]), dtype=bool)
+    is_in = np.zeros((len(sets), mesh.nelements), bool)
     for own, rows in zip(is_in, sets.values(), strict=True):
         own[rows] = True
     count, name, inside = is_in.sum(axis=0), plural(cell_of(mesh).name), GROUPS[len(mesh.p)][0]

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Texts
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.plan import allowed_errors
 from kohonen_adapt.display import counted, lattice
@@ -174,7 +173,7 @@ def _rules(case: Case, before: AdaptResult, result: AdaptResult) -> Rules:
     )
 
 
-def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> NDArray[np.str_]:
+def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> Texts:
     why = reasons_at(result.mesh, CheckedProblem(case.problem), _rules(case, before, result), result.solution)
     why[why == f"polish: {result.best.unpolished}"] = ""  # for all nodes, and in the summary
     return why
@@ -188,7 +187,7 @@ def _asked(case: Case, before: AdaptResult) -> str:
     outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
     by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
     return (
-        f"Task: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.t.shape[1]} elements)"
+        f"Task: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.nelements} elements)"
         f"{target} in at most {counted(case.most_passes, 'pass')}{until}, {by} estimate of "
         f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
     )

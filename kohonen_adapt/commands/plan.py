@@ -223,7 +223,7 @@ def _hanging(mesh: Mesh, rim: Ints) -> Ints:
     nodes = np.unique(mesh.facets[:, rim])
     near = cKDTree(mesh.p[:, nodes].T).query_ball_point(centre.T, reach * (1.0 - SAME))
     facet = np.repeat(np.arange(len(rim)), [len(found) for found in near])
-    node = nodes[np.concatenate([np.asarray(found, dtype=np.int64) for found in near])]
+    node = nodes[np.concatenate([np.asarray(found, int) for found in near])]
     share, distance = _shares(corners[:, :, facet], mesh.p[:, node])
     inside = (share.min(axis=0) > -SAME) & (share.max(axis=0) < 1.0 - SAME)
     return np.unique(node[inside & (distance < SAME * reach[facet])])

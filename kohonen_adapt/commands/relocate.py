@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import NDArray
 from skfem import MeshTri
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.commands.arguments import writable_folder
 from kohonen_adapt.commands.terminal import Terminal
 from kohonen_adapt.files import remove_drafts
@@ -29,11 +29,11 @@ from kohonen_adapt.som.density import density_from_indicators, density_from_size
 __all__ = ["relocate_file"]
 
 
-def _as_it_is(mesh: MeshTri, values: NDArray[Any]) -> NDArray[Any]:
+def _as_it_is(mesh: MeshTri, values: Array) -> Array:
     return values
 
 
-MEANINGS: dict[str, Callable[[MeshTri, NDArray[Any]], NDArray[Any]]] = {
+MEANINGS: dict[str, Callable[[MeshTri, Array], Array]] = {
     "density": _as_it_is,
     "indicators": density_from_indicators,
     "sizes": density_from_sizes,

@@ -20,7 +20,7 @@ from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_wh
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.figures import pass_figures
-from kohonen_adapt.loop.passes import Pass, Status
+from kohonen_adapt.loop.passes import Passes, Status
 from kohonen_adapt.loop.result import AdaptResult
 
 __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
@@ -173,18 +173,18 @@ def _has_inside(field: Any) -> bool:
 def _write_inside(field: Any, path: Path) -> None:
     dim = field.elements.dim
     share = lattice_points(field.elements.order, dim)
-    at, count = field.at_each(share), field.mesh.t.shape[1]
+    at, count = field.at_each(share), field.mesh.nelements
     data = {POTENTIAL[dim]: field.potential_at_each(share)}
     for name, unit, vector in (("B", "T", at.flux_density), ("H", "A per m", at.field_strength)):
         data |= {f"{name}_{axis} ({unit})": part.reshape(-1, count) for axis, part in zip("xyz", vector, strict=False)}
     write_mesh(path, field.mesh, point_data=data, positions=at.x)
 
 
-def _write_history(history: tuple[Pass, ...], folder: Path) -> None:
+def _write_history(history: Passes, folder: Path) -> None:
     rows = []
     for step in history:
         figures = pass_figures(step)
-        shape = {"pass": figures.pop("number"), "nodes": step.mesh.nvertices, "elements": step.mesh.t.shape[1]}
+        shape = {"pass": figures.pop("number"), "nodes": step.mesh.nvertices, "elements": step.mesh.nelements}
         rows.append(shape | figures)
     with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
         titles = list(dict.fromkeys(title for row in rows for title in row))  # errors may be unknown in the first row

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Ints
+from kohonen_adapt.arrays import Array, Ints
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.names import combinations
 
@@ -42,7 +41,7 @@ def add_names(mesh: Any, text: str) -> list[str]:
         mesh.side_sets = {}  # other elements are refused anyway
         return []
     top = [(k, size) for k, size in enumerate(sizes) if size]
-    corners = np.concatenate([np.asarray(mesh.cells[k].data, np.int64)[:, :size] for k, size in top])
+    corners = np.concatenate([np.asarray(mesh.cells[k].data, int)[:, :size] for k, size in top])
     numbers = np.concatenate([_numbers(blocks[k][1], mesh.cells[k].data.shape[1]) for k, _ in top])
     starts = np.cumsum([0, *(len(mesh.cells[k].data) for k, _ in top)])
     members = {
@@ -59,7 +58,7 @@ def add_names(mesh: Any, text: str) -> list[str]:
 
 
 def _numbers(body: str, width: int) -> Ints:
-    words = np.array([int(word) for word in re.split(r"[,\s]+", body) if word], dtype=np.int64)
+    words = np.array([int(word) for word in re.split(r"[,\s]+", body) if word], int)
     return words.reshape(-1, 1 + width)[:, 0]
 
 
@@ -72,11 +71,11 @@ def _of_surfaces(
     def of_line(line: str) -> Iterator[Ints]:
         which, face = (*(word.strip().upper() for word in line.split(",")), "", "")[:2]
         if face[:1] in ("S", "E") and face[1:].isdigit() and 0 < int(face[1:]) <= len(sides):
-            wanted = np.array([int(which)]) if which.isdigit() else elements.get(which, np.empty(0, np.int64))
+            wanted = np.array([int(which)]) if which.isdigit() else elements.get(which, np.empty(0, int))
             place = order[np.searchsorted(numbers, wanted, sorter=order).clip(max=len(numbers) - 1)]
             yield corners[place[numbers[place] == wanted]][:, sides[int(face[1:]) - 1]]
 
-    none = np.empty((0, len(sides[0])), np.int64)
+    none = np.empty((0, len(sides[0])), int)
     return {
         options.get("NAME", "surface"): np.concatenate(
             [none, *(part for line in body.split("\n") for part in of_line(line))]
@@ -86,7 +85,7 @@ def _of_surfaces(
     }
 
 
-def _of_nodes(sets: Mapping[str, NDArray[Any]], corners: Ints, region: Ints, count: int) -> dict[str, Ints]:
+def _of_nodes(sets: Mapping[str, Array], corners: Ints, region: Ints, count: int) -> dict[str, Ints]:
     sides = np.concatenate([corners[:, side] for side in SIDES[corners.shape[1]]])
     owner = np.tile(region, len(SIDES[corners.shape[1]]))
     key = keys_of(np.sort(sides, axis=1).T, count)
@@ -95,7 +94,7 @@ def _of_nodes(sets: Mapping[str, NDArray[Any]], corners: Ints, region: Ints, cou
     outline = sides[first[(times == 1) | differs]]
     found = {}
     for name, nodes in sets.items():
-        inside = np.zeros(count, dtype=bool)
+        inside = np.zeros(count, bool)
         inside[nodes] = True
         found[name] = outline[inside[outline].all(axis=1) & ~inside[corners].all()]
     return found

@@ -136,7 +136,7 @@ def _items_by_name(group: Ints, item: Ints, shape: str, content: Content) -> Set
     members = by_group(group, item)
     sets: Sets = {}
     for tag in sorted({*members, *named}):
-        name, items = name_of(content, DIMENSION[shape], tag), members.get(tag, np.empty(0, np.int64))
+        name, items = name_of(content, DIMENSION[shape], tag), members.get(tag, np.empty(0, int))
         if is_own_name(name):
             sets[name] = np.union1d(sets.get(name, ()), items).astype(np.int32)
     for name, items in sets.items():
@@ -210,12 +210,12 @@ def _report(mesh: MeshTri | MeshTet, content: Content, path: Path, shape: str) -
     unused = len(content.points) - np.unique(np.concatenate(nodes)).size
     names = sorted(mesh.subdomains or ()), sorted(mesh.boundaries or ())
     text = "read '%s': %d nodes, %d %s, subdomains %s, boundaries %s; %d unused nodes dropped."
-    logger.info(text, path, mesh.nvertices, mesh.t.shape[1], kind, *names, unused)
+    logger.info(text, path, mesh.nvertices, mesh.nelements, kind, *names, unused)
     lines = sorted({name for (dimension, _), name in content.names.items() if dimension == 1})
     if lines and content.dimension == 3:
         logger.warning("groups of lines of '%s' are left out of a mesh of tetrahedra: %s.", path, lines)
     if mesh.subdomains:
-        bare = np.ones(mesh.t.shape[1], dtype=bool)
+        bare = np.ones(mesh.nelements, bool)
         bare[np.concatenate(list(mesh.subdomains.values()))] = False
         if bare.any():
             share = 100.0 * area(mesh)[bare].sum() / area(mesh).sum()

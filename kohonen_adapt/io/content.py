@@ -5,12 +5,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.mesh.host import keys_of
 
 __all__ = [
@@ -35,6 +34,7 @@ __all__ = [
     "check_finite",
     "check_flat",
     "content_of_sets",
+    "in_space",
     "indices_in",
     "nodes_per_element",
     "parse_numbers",
@@ -109,9 +109,9 @@ class Rows:
 
     @classmethod
     def joined(cls, parts: Sequence["Rows"], nodes: int) -> "Rows":
-        none = np.empty(0, np.int64)
+        none = np.empty(0, int)
         return cls(
-            np.concatenate([np.empty((0, nodes), np.int64), *(part.nodes[:, :nodes] for part in parts)]),
+            np.concatenate([np.empty((0, nodes), int), *(part.nodes[:, :nodes] for part in parts)]),
             np.concatenate([none, *(part.group for part in parts)]),
             np.concatenate([none, *(part.number for part in parts)]),
         )
@@ -141,7 +141,7 @@ class Content:
     rows: dict[int, Rows]
     names: dict[tuple[int, int], str]
     missing: tuple[int, ...] = ()
-    numbers: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    numbers: Ints = field(default_factory=lambda: np.empty(0, int))
     version: str = ""
 
     @property
@@ -169,7 +169,7 @@ class Field:
 
     name: str
     nodal: bool
-    values: NDArray[Any]
+    values: Array
 
 
 @dataclass(frozen=True)
@@ -217,6 +217,11 @@ def nodes_per_element(kind: int) -> int:
     return _TYPES[kind][1]
 
 
+def in_space(points: Floats) -> Floats:
+    """Return points or vectors (n, d) with three coordinates."""
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
 def indices_in(known: Ints, wanted: Ints) -> Ints:
     """Return the index in `known` (k,) of every entry of `wanted`, or -1."""
     if len(known) == 0:
@@ -233,7 +238,7 @@ def rows_in(known: Ints, wanted: Ints) -> Ints:
     return indices_in(key[: len(known)], key[len(known) :])
 
 
-def parse_numbers(text: str | bytes, kind: DTypeLike = float) -> NDArray[Any]:
+def parse_numbers(text: str | bytes, kind: DTypeLike = float) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # numpy only warns about some invalid text
         try:

@@ -66,7 +66,7 @@ def with_curved_edges(mesh: MeshTet, content: Content, used: Ints, path: Path, s
     number_edges(mesh)
     nodes = content.rows[TEN_NODES].nodes
     edge = rows_in(mesh.edges.T, np.searchsorted(used, nodes[:, EDGES]).reshape(-1, 2))
-    middle = np.empty(mesh.edges.shape[1], dtype=np.int64)
+    middle = np.empty(mesh.edges.shape[1], int)
     middle[edge] = nodes[:, 4:].ravel()
     if np.any(middle[edge] != nodes[:, 4:].ravel()):
         raise ValueError(f"tetrahedra of '{path}' have different nodes inside one edge; write the mesh again.")
@@ -108,7 +108,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     used = np.unique(content.of_shape(TRIANGLE).nodes)
     _check_same(mesh.p, scale * content.points[used, :2].T, path)
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
-    facets = np.unique(np.concatenate([np.empty(0, np.int64), *named.values()]))
+    facets = np.unique(np.concatenate([np.empty(0, int), *named.values()]))
     segments = _side_nodes(content, used[mesh.facets[:, facets].T], path)
     position = scale * content.points[:, :2].T
     check_finite(position[:, np.unique(segments)].T, path, "read_curves", "midside node")

@@ -18,11 +18,12 @@ from kohonen_adapt.io.content import (
     Content,
     Rows,
     as_value_error,
+    in_space,
     indices_in,
     nodes_per_element,
     parse_numbers,
 )
-from kohonen_adapt.io.groups import Groups, numbers_for
+from kohonen_adapt.io.groups import GroupNumbers, Groups, numbers_for
 from kohonen_adapt.mesh.measures import directed
 
 __all__ = ["HEADER", "read_elmer", "write_elmer"]
@@ -56,7 +57,7 @@ def read_elmer(folder: Path) -> Content:
                 raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
             parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
         joined = {kind: Rows.joined(rows, nodes_per_element(kind)) for kind, rows in parts.items()}
-        bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(np.int64))
+        bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(int))
         return replace(bare, names=_names(folder, bare.dimension))
 
 
@@ -73,7 +74,7 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         number = KINDS.get(kind) or SHAPES.get(kind[0])
         if number is None:
             raise ValueError(f"element type {kind} is unknown")
-        table = np.array([words for words in lines if words[1 + before] == kind], dtype=np.int64)
+        table = np.array([words for words in lines if words[1 + before] == kind], int)
         nodes = table[:, 2 + before :][:, : nodes_per_element(number)]
         yield number, Rows(nodes[:, GMSH_TETRAHEDRON] if kind == "510" else nodes, table[:, 1], table[:, 0])
 
@@ -92,17 +93,17 @@ def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
 def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
     d, (kind, of_facet) = len(mesh.p), WRITTEN_AS[len(mesh.p)]
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
-    body = _numbered(subdomains, d, mesh.t.shape[1], numbers)
-    boundary = _numbered(boundaries, d - 1, mesh.facets.shape[1], numbers)
+    body = _numbered(subdomains, d, mesh.nelements, numbers)
+    boundary = _numbered(boundaries, d - 1, mesh.nfacets, numbers)
     facets = np.flatnonzero(boundary)
-    side = np.zeros(mesh.facets.shape[1], np.int64)
+    side = np.zeros(mesh.nfacets, int)
     for items in boundaries.values():
         side[np.asarray(items)] = getattr(items, "ori", 0)
     elements = [1 + np.arange(len(body)), body, np.full(len(body), kind), *(1 + mesh.t)]
     corners, types = 1 + directed(mesh, facets, side[facets]).T, np.full(len(facets), of_facet)
     sides = [1 + np.arange(len(facets)), boundary[facets], *(1 + mesh.f2t[:, facets]), types, *corners]
     counts = f"{mesh.p.shape[1]} {len(body)} {len(facets)}\n2\n{of_facet} {len(facets)}\n{kind} {len(body)}\n"
-    places = np.vstack([mesh.p, np.zeros((3 - d, mesh.p.shape[1]))]).T.tolist()
+    places = in_space(mesh.p.T).tolist()
     folder.mkdir(exist_ok=True)
     with whole_files(folder) as draft:
         (draft / HEADER).write_text(counts, encoding="utf-8")
@@ -115,8 +116,8 @@ def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, gr
         )
 
 
-def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int, str], int]) -> Ints:
-    number = np.zeros(count, np.int64)
+def _numbered(sets: Sets, dimension: int, count: int, numbers: GroupNumbers) -> Ints:
+    number = np.zeros(count, int)
     for name, items in sets.items():
         taken = number[np.asarray(items)].max(initial=0)
         if taken:
@@ -126,7 +127,7 @@ def _numbered(sets: Sets, dimension: int, count: int, numbers: Mapping[tuple[int
     return number
 
 
-def _named(sets_of: Mapping[int, Sets], numbers: Mapping[tuple[int, str], int]) -> Iterator[str]:
+def _named(sets_of: Mapping[int, Sets], numbers: GroupNumbers) -> Iterator[str]:
     for (dimension, sets), kind in zip(sets_of.items(), ("bodies", "boundaries"), strict=True):
         yield f"! ----- names for {kind} -----\n"
         yield from (f"$ {name} = {numbers[dimension, name]}\n" for name in sets)

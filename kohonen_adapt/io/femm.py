@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
-from kohonen_adapt.io.content import Content, Named, as_value_error, content_of_sets
+from kohonen_adapt.io.content import Content, Named, as_value_error, content_of_sets, in_space
 
 __all__ = ["read_ans"]
 
@@ -46,11 +46,11 @@ def read_ans(path: Path) -> Content:
             raise ValueError("it has no [Solution]: analyse the model in FEMM, and use the .ans file of the solution")
         lines = solution.split("\n")[1:]
         nodes = _table(lines, 2)
-        elements = _table(lines[1 + len(nodes) :], 4).astype(np.int64)
+        elements = _table(lines[1 + len(nodes) :], 4).astype(int)
         if np.any((elements[:, :3] < 0) | (elements[:, :3] >= len(nodes))):
             raise ValueError("a triangle has a node that does not exist")
         blocks, boundaries = _blocks(head, elements), _boundaries(head, nodes[:, 0] + 1j * nodes[:, 1])
-        points = _unit(head) * np.column_stack([nodes, np.zeros(len(nodes))])
+        points = _unit(head) * in_space(nodes)
         return content_of_sets(points, [*blocks, *boundaries])
 
 
@@ -67,7 +67,7 @@ def _table(lines: list[str], columns: int) -> Floats:
     rows = [line.split()[:columns] for line in lines[1 : 1 + max(count, 0)]]
     if len(rows) != count:
         raise ValueError(f"it announces {count} rows, but has {len(rows)}")
-    return np.array(rows, dtype=float).reshape(count, columns)
+    return np.array(rows, float).reshape(count, columns)
 
 
 def _section(head: str, name: str, columns: int) -> Floats:
@@ -78,7 +78,7 @@ def _section(head: str, name: str, columns: int) -> Floats:
 def _blocks(head: str, elements: Ints) -> Iterator[Named]:
     # (type, name, nodes, numbers) of blocks, and of several labels of a block
     names = ["", *re.findall(r'<BlockName>\s*=\s*"([^"]*)"', head)]
-    block = _section(head, "NumBlockLabels", 3)[:, 2].astype(np.int64)
+    block = _section(head, "NumBlockLabels", 3)[:, 2].astype(int)
     label, number = elements[:, 3], np.arange(len(elements))
     if np.any((label < 0) | (label >= len(block))) or np.any((block < 0) | (block >= len(names))):
         raise ValueError("a triangle is in a block that does not exist")

@@ -1,16 +1,13 @@
 """Fields of other programs, read onto a mesh."""
 
 from collections.abc import Mapping
-from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Array, FilePath, Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.display import plural
 from kohonen_adapt.io.content import CellFields, Field, check_finite, suffix_of
@@ -42,7 +39,7 @@ REMEDY = (
 NEAR = 1e-6  # tolerance for positions in single precision, relative to the size of the mesh
 
 
-def read_field(path: str | PathLike[str], mesh: Mesh, name: str | None = None, *, scale: float = 1.0) -> Floats:
+def read_field(path: FilePath, mesh: Mesh, name: str | None = None, *, scale: float = 1.0) -> Floats:
     """Read a scalar or a metric tensor per element from a file.
 
     Parameters
@@ -128,7 +125,7 @@ def read_field(path: str | PathLike[str], mesh: Mesh, name: str | None = None, *
 
 def _match_cells(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str) -> Ints:
     used = np.unique(cells)
-    counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.t.shape[1])
+    counts, own = (len(used), len(cells)), (mesh.p.shape[1], mesh.nelements)
     # Programs with discontinuous elements write a point for every corner.
     distinct = [len(np.unique(each, axis=0)) for each in (points[used], mesh.p.T)] if counts != own else [0, 0]
     if distinct[0] != distinct[1] or counts[1] != own[1]:
@@ -193,10 +190,10 @@ def _field(content: CellFields, name: str | None, path: Path) -> Field:
     return found[0]
 
 
-def _of_elements(values: NDArray[Any], order: Order, dim: int, what: str) -> Floats:
+def _of_elements(values: Array, order: Order, dim: int, what: str) -> Floats:
     # from corners (m, k, components) to elements
     place = order.get(values.shape[-1], ())
-    in_plane = values.shape[-1] == 3 and not values[..., 2].any()  # a vector, as ParaView needs it
+    in_plane = values.shape[-1] == 3 and not values[..., 2].any()  # a vector, which ParaView needs in space
     if not (values.dtype.kind in "iuf" and (values.shape[-1] == 1 or len(place) >= dim)) or in_plane:
         raise ValueError(
             f"{what} must be one real number or a tensor per node or element; got {values.shape[-1]}{REMEDY}"

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import DTypeLike
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.io.content import EXACT_INTEGERS, nodes_per_element, parse_numbers
 
 __all__ = ["INT", "SIZE", "Numbers"]
@@ -25,7 +25,7 @@ class Numbers:
         self._data: Any = data if binary else parse_numbers(data[start : data.index(b"$End", start)])
         self._position, self._binary = start if binary else 0, binary
 
-    def take(self, count: int, kind: DTypeLike = REAL) -> NDArray[Any]:
+    def take(self, count: int, kind: DTypeLike = REAL) -> Array:
         start, size = self._position, np.dtype(kind).itemsize if self._binary else 1
         _require(0 <= count <= (len(self._data) - start) // size)
         self._position += int(count) * size
@@ -56,7 +56,7 @@ class Numbers:
         # A row has the number, position, dimension and tag of the entity, and a parameter on curves, two on surfaces.
         size = 2 if self._binary else 1
         end = 1 + 3 * size
-        parts: list[tuple[Ints, Floats]] = [(np.empty(0, np.int64), np.empty((0, 3)))]
+        parts: list[tuple[Ints, Floats]] = [(np.empty(0, int), np.empty((0, 3)))]
         width = {1: 2 + size, 2: 2 + 2 * size}
         for _, table in self._rows_by_head(count, slice(end, end + 1), lambda kind: (end + width.get(kind, 2), 1)):
             places = np.ascontiguousarray(table[:, 1:end]).view(REAL).reshape(-1, 3)
@@ -84,14 +84,14 @@ class Numbers:
             rows = np.delete(table, header, axis=1).reshape(-1, 1 + tags + nodes_per_element(kind))
             yield kind, tags, _as_integers(rows)
 
-    def _rows_by_head(self, count: int, header: slice, row: Any) -> Iterator[tuple[tuple[int, ...], NDArray[Any]]]:
+    def _rows_by_head(self, count: int, header: slice, row: Any) -> Iterator[tuple[tuple[int, ...], Array]]:
         """Yield heads and rows of the rest of the section, grouped by equal heads.
 
         All rows have `count` items. `header` is the slice of a row with its head, and `row` returns the numbers of
         words and items of a row from its head.
         """
         words = self.take((len(self._data) - self._position) // (4 if self._binary else 1), INT)
-        tables: dict[tuple[int, ...], list[NDArray[Any]]] = {}
+        tables: dict[tuple[int, ...], list[Array]] = {}
         window = 1  # doubled after every run of equal heads, so that the cost is linear in the rows
         while count > 0:
             _require(len(words) >= header.stop)
@@ -114,9 +114,9 @@ def _require(there: bool) -> None:
         raise ValueError("a section ends before its last number")
 
 
-def _as_integers(values: NDArray[Any]) -> Ints:
+def _as_integers(values: Array) -> Ints:
     if not np.all(np.abs(values) < EXACT_INTEGERS):
         raise ValueError("an integer is too large, or not finite")
     if np.any(np.trunc(values) != values):
         raise ValueError(f"{values[np.trunc(values) != values][0]} is not an integer")
-    return values.astype(np.int64)
+    return values.astype(int)

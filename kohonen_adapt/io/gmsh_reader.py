@@ -47,7 +47,7 @@ ALLOWED_ROWS = 10**6
 TRIANGLE3 = 2
 """Gmsh's number for triangles of three nodes, the only type of triangle with a direction."""
 
-NO_GROUPS = np.empty(0, np.int64)
+NO_GROUPS = np.empty(0, int)
 
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
@@ -140,7 +140,7 @@ def _entities(section: Numbers, groups: dict[tuple[int, int], Ints], of_parts: b
 
 
 def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
-    numbers: list[Ints] = [np.empty(0, np.int64)]
+    numbers: list[Ints] = [np.empty(0, int)]
     points = [np.empty((0, 3))]
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, _, parametric = (section.integer() for _ in range(3))
@@ -172,7 +172,7 @@ def _elements_41(
 def _elements_22(section: Numbers) -> list[Block]:
     blocks = []
     for kind, tags, table in section.elements(section.count()):
-        group = table[:, 1] if tags else np.zeros(len(table), np.int64)
+        group = table[:, 1] if tags else np.zeros(len(table), int)
         blocks.append((kind, _with_direction(kind, table[:, 1 + tags :], group, table[:, 0])))
     return blocks
 

@@ -8,15 +8,14 @@ listed once per group. meshio writes one group per element, and damages files th
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, grouped
+from kohonen_adapt.arrays import Array, Floats, Ints, grouped
 from kohonen_adapt.io.content import GMSH_TETRAHEDRON
-from kohonen_adapt.io.groups import UNNAMED, Groups, numbers_for
+from kohonen_adapt.io.groups import UNNAMED, GroupNumbers, Groups, numbers_for
 from kohonen_adapt.mesh.curved import is_second_order, nodes_of_elements
 from kohonen_adapt.mesh.host import edges_between
 from kohonen_adapt.mesh.measures import directed
@@ -79,7 +78,7 @@ def write_msh(
 ) -> None:
     # Two boundaries with a facet in opposite directions have two elements on the facet.
     codes = {name: 2 * np.asarray(items) + getattr(items, "ori", 0) for name, items in boundaries.items()}
-    facets = np.unique(np.concatenate([np.empty(0, np.int64), *codes.values()]))
+    facets = np.unique(np.concatenate([np.empty(0, int), *codes.values()]))
     sides = {name: np.searchsorted(facets, items) for name, items in codes.items()}
     nodes, d = groups.nodes(mesh), len(mesh.p)
     names = {number: groups.names.get((0, number), UNNAMED[d][0].format(number)) for number in nodes}
@@ -90,8 +89,8 @@ def write_msh(
         of_elements = of_elements[:, GMSH_TETRAHEDRON]
     elements = _layer(d, of_elements, subdomains, numbers, UNNAMED[d][d], first=1)
     along = _with_midsides(mesh, corners, facets // 2)
-    boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.t.shape[1])
-    point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.t.shape[1] + len(facets))
+    boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.nelements)
+    point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.nelements + len(facets))
     layers = [point, boundary, elements]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n")
@@ -110,11 +109,9 @@ def _with_midsides(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
     return np.column_stack([ends, mesh.nvertices + own])
 
 
-def _layer(
-    dimension: int, nodes: Ints, sets: Sets, numbers: dict[tuple[int, str], int], unnamed: str, *, first: int
-) -> Layer:
+def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: GroupNumbers, unnamed: str, *, first: int) -> Layer:
     entity, members = combinations(list(sets.values()), len(nodes))
-    tags = np.array([numbers[dimension, name] for name in sets], dtype=np.int64)
+    tags = np.array([numbers[dimension, name] for name in sets], int)
     # Default names are not written, except for empty sets, which would otherwise be lost.
     names = {
         numbers[dimension, name]: name
@@ -125,14 +122,14 @@ def _layer(
 
 
 def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, first: int) -> Layer:
-    used = np.unique(np.concatenate([np.empty(0, np.int64), *nodes.values()]))
-    tags = [np.array([tag for tag, members in nodes.items() if node in members], np.int64) for node in used]
+    used = np.unique(np.concatenate([np.empty(0, int), *nodes.values()]))
+    tags = [np.array([tag for tag, members in nodes.items() if node in members], int) for node in used]
     number = first + np.arange(len(used))
     written = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
     return Layer(0, used[:, None], number, np.arange(len(used)), tags, written)
 
 
-def _write_rows(stream: TextIO, row: str, table: NDArray[Any]) -> None:
+def _write_rows(stream: TextIO, row: str, table: Array) -> None:
     for start in range(0, len(table), CHUNK):  # %r restores floats exactly
         part = table[start : start + CHUNK]
         stream.write((row + "\n") * len(part) % tuple(part.ravel().tolist()))
@@ -181,7 +178,7 @@ def _coordinates(p: Floats) -> str:
 
 def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
-    owner = np.empty(p.shape[1], dtype=np.int64)
+    owner = np.empty(p.shape[1], int)
     for layer, shift in reversed(list(zip(layers, start, strict=False))):  # the lowest dimension is last, and prevails
         owner[layer.nodes] = shift + layer.entity[:, None]
     parts = _by_entity(owner)
@@ -219,7 +216,7 @@ def _element_lines(layer: Layer, rank: int) -> Ints:
     physical group and the entity, and the nodes. An element in several groups has a line for each: `rank` is the index
     of the group among these. An element without a group has one line, at rank 0.
     """
-    group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], dtype=np.int64)
+    group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], int)
     listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
     tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
     head = np.full((len(listed), 3), [0, layer.kind, 2])

@@ -28,6 +28,10 @@ GROUPED = {2: (POINT, LINE, TRIANGLE), 3: (POINT, TRIANGLE, TETRAHEDRON)}
 SAME = 1e-9  # tolerance for equal positions, relative to the size of the mesh
 
 
+GroupNumbers = dict[tuple[int, str], int]
+"""Dimension and name of a group to its number."""
+
+
 @dataclass(frozen=True)
 class Groups:
     """Physical groups of a Gmsh file.
@@ -109,7 +113,7 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
     _report_shared(names, path)
     rows = content.of_shape(POINT)
     members = by_group(rows.group, rows.nodes[:, 0])
-    nowhere = np.empty(0, np.int64)
+    nowhere = np.empty(0, int)
     nodes = {number: members.get(number, nowhere) for dimension, number in names if dimension == 0}
     points = {number: scale * content.points[each, : content.dimension].T for number, each in nodes.items()}
     return Groups(names, points, content.version)
@@ -120,7 +124,7 @@ def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
 
 
 def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
-    first: dict[tuple[int, str], int] = {}
+    first: GroupNumbers = {}
     for (dimension, number), name in names.items():
         kept = first.setdefault((dimension, name), number)
         if kept != number and dimension > 0:
@@ -131,7 +135,7 @@ def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
             )
 
 
-def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple[int, str], int]:
+def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> GroupNumbers:
     """Return a number for every group by (dimension, name), unique per dimension.
 
     The number is that in `groups`, else that in a name such as ``region_7``, else a new one. New numbers differ from
@@ -162,8 +166,8 @@ def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> dict[tuple
     return {key: numbers[key] if key in numbers else next(free) for key in keys}
 
 
-def _known(groups: Groups) -> dict[tuple[int, str], int]:
-    known: dict[tuple[int, str], int] = {}
+def _known(groups: Groups) -> GroupNumbers:
+    known: GroupNumbers = {}
     for (dimension, number), name in groups.names.items():
         if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 < number <= LARGEST_TAG:
             raise ValueError(f"numbers of groups must be integers from 1 to {LARGEST_TAG}; '{name}' has {number!r}.")

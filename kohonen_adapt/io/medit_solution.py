@@ -2,13 +2,12 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.io.content import EXACT_INTEGERS, CellFields, Field, as_value_error, parse_numbers
+from kohonen_adapt.arrays import Array
+from kohonen_adapt.io.content import EXACT_INTEGERS, CellFields, Field, as_value_error, in_space, parse_numbers
 from kohonen_adapt.io.meshio_reader import read_arrays
 from kohonen_adapt.mesh.cells import cell_of
 
@@ -37,8 +36,7 @@ def read_solution(path: Path, mesh: Mesh) -> CellFields:
     if beside.is_file():
         content, owner = read_arrays(beside, cell_of(mesh).name), f"vertices of '{beside}'"
     else:
-        points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
-        content, owner = CellFields(points, mesh.t.T, []), "nodes of the mesh, in their order"
+        content, owner = CellFields(in_space(mesh.p.T), mesh.t.T, []), "nodes of the mesh, in their order"
     if len(content.points) != count:
         raise ValueError(
             f"read_field expected a solution at the {len(content.points)} {owner}; '{path}' has {count} vertices. Put "
@@ -60,11 +58,11 @@ def _fields(data: bytes) -> list[Field]:
     return _columns(parse_numbers(sections[b"SolAtVertices"]), dim)
 
 
-def _columns(numbers: NDArray[Any], dim: int) -> list[Field]:
+def _columns(numbers: Array, dim: int) -> list[Field]:
     if len(numbers) < 2 or not np.all(np.abs(numbers[:2]) < EXACT_INTEGERS):
         raise ValueError("its number of vertices or of solutions is missing")
-    count, solutions = numbers[:2].astype(np.int64)
-    kinds, values = numbers[2 : 2 + solutions].astype(np.int64), numbers[2 + solutions :]
+    count, solutions = numbers[:2].astype(int)
+    kinds, values = numbers[2 : 2 + solutions].astype(int), numbers[2 + solutions :]
     width = {1: 1, 2: dim, 3: dim * (dim + 1) // 2, 4: dim**2}
     widths = [width.get(kind, 0) for kind in kinds.tolist()]
     if 0 in widths:

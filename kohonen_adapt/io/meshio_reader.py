@@ -31,6 +31,7 @@ from kohonen_adapt.io.content import (
     Named,
     as_value_error,
     content_of_sets,
+    in_space,
     nodes_per_element,
     shape_of,
 )
@@ -170,8 +171,7 @@ def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[Named]:
 
 
 def _points(mesh: Any) -> Floats:
-    points = np.asarray(mesh.points, dtype=float).reshape(len(mesh.points), -1)[:, :3]
-    return np.column_stack([points, np.zeros((len(points), 3 - points.shape[1]))])
+    return in_space(np.asarray(mesh.points, float).reshape(len(mesh.points), -1)[:, :3])
 
 
 def _as_rows(values: Any) -> Any:
@@ -189,8 +189,8 @@ def _inside(values: Any, parts: list[Ints], cells: Ints) -> Any:
 
 def _nodes(block: Any, kind: int, count: int) -> Ints:
     if kind not in KINDS.values():
-        return np.empty((len(block.data), 0), np.int64)
-    nodes = np.asarray(block.data, np.int64)
+        return np.empty((len(block.data), 0), int)
+    nodes = np.asarray(block.data, int)
     nodes = nodes if block.type in LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
     if np.any((nodes < 0) | (nodes >= count)):
         raise ValueError("a cell has a node that does not exist")
@@ -232,7 +232,7 @@ def _as_integers(values: Any, key: str) -> Ints:
     values = values.ravel() if values.shape[1:] == (1,) else values
     if not (values.ndim == 1 and values.dtype.kind in "iuf" and np.all(np.abs(values) < EXACT_INTEGERS)):
         raise ValueError(f"'{key}' must have one integer per cell")
-    return values.astype(np.int64)
+    return values.astype(int)
 
 
 def read_arrays(path: Path, shape: str) -> CellFields:
@@ -242,9 +242,7 @@ def read_arrays(path: Path, shape: str) -> CellFields:
         kinds = [_kind(block) for block in mesh.cells]
         blocks = [k for k, kind in enumerate(kinds) if shape_of(kind) == shape and kind in KINDS.values()]
         parts = [_nodes(mesh.cells[k], kinds[k], len(points)) for k in blocks]
-        cells = np.concatenate(
-            [np.empty((0, CORNERS[shape]), np.int64), *(part[:, : CORNERS[shape]] for part in parts)]
-        )
+        cells = np.concatenate([np.empty((0, CORNERS[shape]), int), *(part[:, : CORNERS[shape]] for part in parts)])
         is_nodal = all(mesh.cells[k].type not in LAGRANGE for k in blocks)
         nodal = [
             Field(name, True, rows) if is_nodal else Field(name, False, _inside(rows, parts, cells))

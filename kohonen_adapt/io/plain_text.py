@@ -13,6 +13,7 @@ from kohonen_adapt.io.content import (
     Named,
     as_value_error,
     content_of_sets,
+    in_space,
     nodes_per_element,
     parse_numbers,
     shape_of,
@@ -41,13 +42,13 @@ def is_mfem(path: Path) -> bool:
 def read_freefem(path: Path) -> Content:
     with as_value_error(path, f"read_mesh expected a mesh of FreeFEM; '{path}' cannot be read: {{}}."):
         values = parse_numbers(path.read_bytes())
-        vertices, triangles, edges = values[:3].astype(np.int64)
+        vertices, triangles, edges = values[:3].astype(int)
         ends = 3 + np.cumsum([3 * vertices, 4 * triangles, 3 * edges])
         if len(values) != ends[-1]:
             raise ValueError(f"it announces {ends[-1]} numbers and has {len(values)}")
-        points = _points(values[3 : ends[0]].reshape(-1, 3)[:, :2])
+        points = in_space(values[3 : ends[0]].reshape(-1, 3)[:, :2])
         tables = [values[ends[0] : ends[1]].reshape(-1, 4), values[ends[1] :].reshape(-1, 3)]
-        rows = [table.astype(np.int64) for table in tables]
+        rows = [table.astype(int) for table in tables]
         sets = [(kind, table[:, :-1] - 1, table[:, -1]) for kind, table in zip((TRIANGLE, LINE), rows, strict=True)]
         return content_of_sets(points, _named(points, sets, 2))
 
@@ -60,12 +61,10 @@ def read_mfem(path: Path) -> Content:
         others = sections.keys() - {"dimension", "elements", "boundary", "vertices"}
         if others or not {"dimension", "elements", "vertices"} <= sections.keys():
             raise ValueError(f"it has {', '.join(sections)}; save the mesh without curved sides and refinement")
-        count, dimension, *_ = sections["vertices"].astype(np.int64)
-        points = _points(sections["vertices"][2:].reshape(count, dimension))
+        count, dimension, *_ = sections["vertices"].astype(int)
+        points = in_space(sections["vertices"][2:].reshape(count, dimension))
         sets = [
-            each
-            for name in ("elements", "boundary")
-            for each in _rows(sections.get(name, np.zeros(1)).astype(np.int64))
+            each for name in ("elements", "boundary") for each in _rows(sections.get(name, np.zeros(1)).astype(int))
         ]
         return content_of_sets(points, _named(points, sets, int(sections["dimension"][0])))
 
@@ -81,10 +80,6 @@ def _rows(words: Ints) -> Iterator[tuple[int, Ints, Ints]]:
     for kind, parts in rows.items():
         table = np.stack(parts)
         yield kind, table[:, 2:], table[:, 0]
-
-
-def _points(values: Floats) -> Floats:
-    return np.column_stack([values, np.zeros((len(values), 3 - values.shape[1]))])
 
 
 def _named(points: Floats, sets: Sequence[tuple[int, Ints, Ints]], dimension: int) -> Iterator[Named]:

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable
 from numbers import Real
-from os import PathLike
 from pathlib import Path
 
 from skfem import MeshTet, MeshTri
 
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io.assembly import to_mesh
 from kohonen_adapt.io.content import MSH_VERSION, Content, suffix_of
@@ -44,7 +44,7 @@ IN_PYTHON = (
 )
 
 
-def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | MeshTet:
+def read_mesh(path: FilePath, *, scale: float = 1.0) -> MeshTri | MeshTet:
     """Read a mesh of triangles or tetrahedra with the names of its groups.
 
     Surface groups are read as ``subdomains`` and line groups as ``boundaries``, inside the mesh as well as on its rim;
@@ -109,7 +109,7 @@ def read_mesh(path: str | PathLike[str], *, scale: float = 1.0) -> MeshTri | Mes
     return to_mesh(content, path, float(scale))
 
 
-def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
+def read_groups(path: FilePath, *, scale: float = 1.0) -> Groups:
     """Read the numbers of the physical groups of a mesh file.
 
     GetDP and other programs refer to groups by these numbers. ``write_mesh(path, mesh, groups=groups)`` writes them
@@ -139,7 +139,7 @@ def read_groups(path: str | PathLike[str], *, scale: float = 1.0) -> Groups:
     return to_groups(reader(path), path, float(scale)) if reader in (read_msh, read_elmer) else Groups()
 
 
-def read_curves(path: str | PathLike[str], mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
+def read_curves(path: FilePath, mesh: MeshTri, *, scale: float = 1.0) -> dict[str, Spline]:
     """Read the curves through the midside nodes of the boundaries of a Gmsh file.
 
     With ``Mesh.ElementOrder = 2`` and above Gmsh puts nodes between the ends of facets on the curves of the drawing.

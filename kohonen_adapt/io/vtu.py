@@ -18,7 +18,7 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.display import divisions_of, lattice_points
-from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION
+from kohonen_adapt.io.content import ALLOWED_BYTES, MAX_EXPANSION, in_space
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
@@ -83,8 +83,8 @@ def write_vtu(
     ValueError
         If a field in `cell_data` has one of these names.
     """
-    names: dict[str, Ints] = {REGION: combinations(list(subdomains.values()), mesh.t.shape[1])[0]}
-    names |= {SUBDOMAIN + name: np.bincount(items, minlength=mesh.t.shape[1]) for name, items in subdomains.items()}
+    names: dict[str, Ints] = {REGION: combinations(list(subdomains.values()), mesh.nelements)[0]}
+    names |= {SUBDOMAIN + name: np.bincount(items, minlength=mesh.nelements) for name, items in subdomains.items()}
     names |= {BOUNDARY + name: _mark_sides(mesh, items) for name, items in boundaries.items()}
     taken = names.keys() & cell_data.keys()
     if taken:
@@ -92,7 +92,8 @@ def write_vtu(
             f"cell_data '{min(taken)}' has a name that write_mesh reserves for the mesh; choose another name."
         )
     # meshio does not escape names in the XML.
-    cells = {escape(name, quote=False): [_components(values)] for name, values in (names | cell_data).items()}
+    vectors = {name: in_space(values.T) for name, values in cell_data.items() if values.ndim > 1}
+    cells = {escape(name, quote=False): [values] for name, values in {**names, **cell_data, **vectors}.items()}
     dim, inside = len(mesh.p), [len(values) for values in point_data.values() if values.ndim == 2]
     order = max((divisions_of(count, dim) for count in inside), default=0)
     nodes, p = nodes_of_elements(mesh), mesh.p
@@ -105,8 +106,7 @@ def write_vtu(
         escape(name, quote=False): _at_points(mesh, values, order) if order else values
         for name, values in point_data.items()
     }
-    points = np.column_stack([p.T, np.zeros((p.shape[1], 3 - len(p)))])
-    meshio.vtu.write(str(path), meshio.Mesh(points, [(kind, nodes)], point_data=nodal, cell_data=cells))
+    meshio.vtu.write(str(path), meshio.Mesh(in_space(p.T), [(kind, nodes)], point_data=nodal, cell_data=cells))
 
 
 def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
@@ -117,12 +117,12 @@ def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
 
 
 def _lagrange_nodes(mesh: Mesh, order: int) -> Ints:
-    count = mesh.t.shape[1]
-    return (_vtk_rows(order, len(mesh.p)) * count + np.arange(count)[:, None]).astype(np.int64)
+    count = mesh.nelements
+    return (_vtk_rows(order, len(mesh.p)) * count + np.arange(count)[:, None]).astype(int)
 
 
 def _lagrange_points(mesh: Mesh, order: int) -> Floats:
-    share, count = lattice_points(order, len(mesh.p)), mesh.t.shape[1]
+    share, count = lattice_points(order, len(mesh.p)), mesh.nelements
     shape = Blended(mesh) if order > PARABOLAS and len(mesh.p) == 2 else Isoparametric(mesh)
     return shape.points(np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1))
 
@@ -174,13 +174,9 @@ def _mark_sides(mesh: Mesh, facets: Ints) -> Ints:
     """
     element = mesh.f2t[getattr(facets, "ori", 0), facets]
     side = np.argmax(mesh.t2f[:, element] == facets, axis=0)
-    bits = np.zeros(mesh.t.shape[1], dtype=np.int64)
+    bits = np.zeros(mesh.nelements, int)
     np.add.at(bits, element, 1 << side)
     return bits
-
-
-def _components(values: np.ndarray) -> np.ndarray:
-    return values if values.ndim == 1 else np.column_stack([values.T, np.zeros((values.shape[1], 3 - len(values)))])
 
 
 def sides_of(elements: Ints, bits: Ints, points: Floats) -> Ints:

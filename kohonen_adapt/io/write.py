@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Mapping
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTet, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import FilePath, Floats, Ints
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.display import divisions_of
 from kohonen_adapt.files import whole_file
@@ -42,7 +41,7 @@ LONGEST_NAME = 127
 
 
 def write_mesh(
-    path: str | PathLike[str],
+    path: FilePath,
     mesh: MeshTri | MeshTet,
     *,
     point_data: Mapping[str, ArrayLike] | None = None,
@@ -120,7 +119,7 @@ def write_mesh(
     on_edges = _edges_with_values(mesh, nodal, suffix)
     points = _checked_fields(with_midside_means(mesh, nodal, on_edges), mesh.p.shape[1] + len(on_edges), "point_data")
     points |= inside
-    cells = _checked_fields(cell_data, mesh.t.shape[1], "cell_data", len(mesh.p))
+    cells = _checked_fields(cell_data, mesh.nelements, "cell_data", len(mesh.p))
     place = _checked_positions(positions, inside, len(mesh.p))
     groups = groups or Groups()
     if for_elmer:
@@ -172,7 +171,7 @@ def _edges_with_values(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike],
             f"point_data '{of_order_2[0]}' has values of order 2, for .vtu only. Write its first {mesh.nvertices} "
             "values, at the nodes, or a second file."
         )
-    return mesh.edges.T if of_order_2 else np.zeros((0, 2), dtype=np.int64)
+    return mesh.edges.T if of_order_2 else np.zeros((0, 2), int)
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:
@@ -196,7 +195,7 @@ def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Pa
         if np.ndim(values) != 2:
             continue
         _check_name(name, "point_data")
-        shape, count = np.shape(values), mesh.t.shape[1]
+        shape, count = np.shape(values), mesh.nelements
         if shape[1] != count or not divisions_of(shape[0], dim):
             points = {2: "(p + 1) (p + 2) / 2", 3: "(p + 1) (p + 2) (p + 3) / 6"}[dim]
             raise ValueError(
@@ -234,7 +233,7 @@ def _checked_fields(
     checked = {}
     for name, values in (fields or {}).items():
         _check_name(name, kind)
-        array = np.asarray(values, dtype=float)
+        array = np.asarray(values, float)
         if array.shape != (count,) and not (components and array.shape == (components, count)):
             raise ValueError(f"{kind} '{name}' must have shape {expected}; got {array.shape}.")
         if not np.all(np.isfinite(array)):

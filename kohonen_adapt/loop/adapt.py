@@ -3,11 +3,11 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from os import PathLike
 from typing import Any
 
 from skfem import Mesh
 
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.checks import check_hook, with_nearest_names
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
@@ -73,7 +73,7 @@ def adapt(
     callback: Callable[[Pass], Any] | None = None,
     progress: Callable[[int, str], Any] | None = None,
     interim: Callable[[AdaptResult], Any] | None = None,
-    checkpoint: str | PathLike[str] | None = None,
+    checkpoint: FilePath | None = None,
     max_nodes: int | None = None,
     goal_rtol: float | None = None,
     anisotropic: bool | str = "auto",

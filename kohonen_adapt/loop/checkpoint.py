@@ -11,10 +11,9 @@ from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Ints
+from kohonen_adapt.arrays import Array, FilePath, Ints
 from kohonen_adapt.files import remove_drafts, whole_file
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -54,7 +53,7 @@ class Checkpoint:
 
     @classmethod
     def at(
-        cls, folder: str | PathLike[str] | None, mesh: Mesh, problem: CheckedProblem, settings: Settings
+        cls, folder: FilePath | None, mesh: Mesh, problem: CheckedProblem, settings: Settings
     ) -> "Checkpoint | None":
         """Return the checkpoint in a folder, or None for None.
 
@@ -81,7 +80,7 @@ class Checkpoint:
             except ValueError as error:
                 raise self._damaged(file, error) from error
             mesh = movable.mesh() if values["number"] else movable.start()
-            sizes = {"indicators": mesh.t.shape[1], "nodes": mesh.nvertices}
+            sizes = {"indicators": mesh.nelements, "nodes": mesh.nvertices}
             for name, size in sizes.items():
                 if values[name].shape != (size,):
                     raise self._damaged(file, ValueError(f"{name} has shape {values[name].shape}, not ({size},)"))
@@ -97,7 +96,7 @@ class Checkpoint:
         for name in self._names():
             value = getattr(step, name)
             (arrays if isinstance(value, np.ndarray) else about)[name] = value
-        arrays["about"] = np.frombuffer(json.dumps(about).encode(), dtype=np.uint8)
+        arrays["about"] = np.frombuffer(json.dumps(about).encode(), np.uint8)
         with whole_file(self._file(step.number)) as draft, draft.open("wb") as stream:
             np.savez(stream, allow_pickle=False, **arrays)
 
@@ -118,7 +117,7 @@ class Checkpoint:
                 )
         return expected_files
 
-    def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         stream_of_file = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
         try:
             with np.load(stream_of_file, allow_pickle=False) as content:
@@ -176,7 +175,7 @@ def _is_of(value: Any, kind: Any) -> bool:
     return number if origin is float else isinstance(value, origin) and (number or origin is not int)
 
 
-def _field(about: dict[str, Any], arrays: Mapping[str, NDArray[Any]], name: str) -> Any:
+def _field(about: dict[str, Any], arrays: Mapping[str, Array], name: str) -> Any:
     value = {**ADDED, **about, **arrays}[name]
     return tuple(value) if isinstance(value, list) else value
 
@@ -220,26 +219,26 @@ def _without_type(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else tuple(value) if isinstance(value, list) else value
 
 
-def _set_arrays(sets: Mapping[str, Ints] | None) -> list[NDArray[Any]]:
-    arrays: list[NDArray[Any]] = [np.array(sets is None)]
+def _set_arrays(sets: Mapping[str, Ints] | None) -> list[Array]:
+    arrays: list[Array] = [np.array(sets is None)]
     for name, rows in (sets or {}).items():
         arrays += [
             np.array(name),
-            np.asarray(rows, dtype=np.int64),
-            np.asarray(getattr(rows, "ori", []), dtype=np.int64),
+            np.asarray(rows, int),
+            np.asarray(getattr(rows, "ori", []), int),
         ]
     return arrays
 
 
 def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
-    arrays: list[NDArray[Any]] = []
+    arrays: list[Array] = []
     for name, curve in sorted(curves.items()):
         ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
-        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), dtype=float)]
+        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), float)]
     return digest(*arrays)
 
 
-def digest(*arrays: NDArray[Any]) -> str:
+def digest(*arrays: Array) -> str:
     hashed = sha256()
     for array in map(np.ascontiguousarray, arrays):
         hashed.update(f"{array.dtype.str}{array.shape}".encode())

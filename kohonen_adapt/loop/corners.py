@@ -35,7 +35,7 @@ def singular_parts(problem: CheckedProblem, mesh: Mesh, solution: Any) -> tuple[
         try:
             materials = materials_of(mesh, ritz_of(problem, mesh, solution))
         except NotOffered:
-            return np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64) if in_space else None
+            return np.zeros(0, int), np.zeros((2, 0), int) if in_space else None
         found = (singular_edges if in_space else singular_nodes)(mesh, materials)
     if not in_space:
         return np.asarray(found), None

@@ -70,14 +70,14 @@ def functions_of(problem: CheckedProblem, mesh: Mesh, solution: Any, ritz: Ritz 
     # functional in `Ritz.dual`.
     n = mesh.nvertices
     if ritz is not None:
-        own = np.asarray(ritz.values, dtype=np.float64)[:n]
+        own = np.asarray(ritz.values, float)[:n]
         if ritz.dual is None:
             return [own]
         weight = np.sqrt(ritz.share)
-        return [weight * own, np.asarray(ritz.dual.values, dtype=np.float64)[:n] / weight]
+        return [weight * own, np.asarray(ritz.dual.values, float)[:n] / weight]
     values = getattr(solution, "potential", solution)
     if not isinstance(values, np.ndarray) or values.ndim != 1 or not np.isrealobj(values):
         return []
     if len(values) not in (n, count_unknowns(mesh, problem.order)):
         return []
-    return [np.asarray(values[:n], dtype=np.float64)]
+    return [np.asarray(values[:n], float)]

@@ -5,6 +5,7 @@ time than more nodes, because the error falls exponentially (B. Guo and I. Babus
 """
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 from skfem import Mesh
@@ -44,7 +45,7 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     more = state.passes[-1].number < stop.passes and state.ending.status is Status.CONVERGED
     while True:
         if more and grading.prefers_nodes(best, count_unknowns(mesh, order)):
-            return state.reopened()
+            return replace(state, ending=None, notes=())
         raised = stop.at_order(at_order(adaptation, state, order, mesh, on_layers, remark))
         last, is_met = raised.passes[-1], raised.ending is not None and raised.ending.status is Status.CONVERGED
         is_smooth = best.estimate >= SMOOTH * last.estimate
@@ -59,7 +60,7 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     smooth = best.estimate > SMOOTH * last.estimate
     grading.lower(best, min(FINER, missing) if smooth else allowed / best.estimate)
     logger.info("order %d has %.3g times the tolerance; passes go on", last.order, 1.0 / missing)
-    return state.reopened()
+    return replace(state, ending=None, notes=())
 
 
 def at_order(adaptation: Adaptation, state: State, order: int, mesh: Mesh, on_layers: str, remark: str) -> State:
@@ -68,7 +69,9 @@ def at_order(adaptation: Adaptation, state: State, order: int, mesh: Mesh, on_la
         with adaptation.steps("relocate"):
             problem = CheckedProblem(problem.on_curves(adaptation.settings.rules.curves or {}))
     solved = adaptation.assess_at(CheckedProblem(problem, order), mesh, state.best)
-    return state.with_order(solved, f"Solved with order {order}{on_layers}, {solved.record.unknowns} unknowns.{remark}")
+    passes, raised = (*state.passes, solved.record), f"Solved with order {order}{on_layers}"
+    raised += f", {solved.record.unknowns} unknowns.{remark}"
+    return replace(state, passes=passes, last=solved, chosen=solved, raised=raised, notes=())
 
 
 def layered(adaptation: Adaptation, state: State, layers: int) -> tuple[Mesh, str, str]:

@@ -226,6 +226,9 @@ class Pass(Work):
         return f"<Pass {self.number}: estimate {self.estimate_text}, {nodes} nodes, min quality {least:.2f}>"
 
 
+Passes = tuple[Pass, ...]
+
+
 class StepFailed(Exception):
     def __init__(self, step: str, number: int) -> None:
         super().__init__(step, number)

@@ -21,7 +21,7 @@ from kohonen_adapt.loop.figures import (
     values_of,
     word_for_estimate,
 )
-from kohonen_adapt.loop.passes import Pass, Status, Work
+from kohonen_adapt.loop.passes import Pass, Passes, Status, Work
 
 WIDTH = 120  # characters; further columns are printed as a second table below
 GAP = "  "
@@ -39,7 +39,7 @@ def changes_sign(before: float, after: float) -> bool:
     return min(before, after) < 0.0 < max(before, after)
 
 
-def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
+def table_columns(history: Passes) -> list[Columns]:
     return [
         [("pass", [str(step.number) for step in history])],
         _solution_columns(history),
@@ -49,13 +49,13 @@ def table_columns(history: tuple[Pass, ...]) -> list[Columns]:
     ]
 
 
-def table_lines(history: tuple[Pass, ...], marks: Sequence[str]) -> list[str]:
+def table_lines(history: Passes, marks: Sequence[str]) -> list[str]:
     marks_with_title = ["", *marks]
     blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, marks_with_title)))
     return [line + mark for lines_so_far in blocks for line, mark in zip(lines_so_far, marks_with_title, strict=True)]
 
 
-def html_table(history: tuple[Pass, ...], attributes: Sequence[str]) -> str:
+def html_table(history: Passes, attributes: Sequence[str]) -> str:
     columns = list(chain.from_iterable(table_columns(history)))
     titles = _html_row("", "th", [title for title, _ in columns])
     rows = zip(attributes, *(cells for _, cells in columns), strict=True)
@@ -67,7 +67,7 @@ def _html_row(attributes: str, kind: str, cells: Sequence[str]) -> str:
     return f"<tr{attributes}>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells) + "</tr>"
 
 
-def _solution_columns(history: tuple[Pass, ...]) -> Columns:
+def _solution_columns(history: Passes) -> Columns:
     columns = [("nodes", [str(step.mesh.nvertices) for step in history])]
     if len({step.order for step in history}) > 1:
         columns.append(("order", [str(step.order) for step in history]))
@@ -88,7 +88,7 @@ def _solution_columns(history: tuple[Pass, ...]) -> Columns:
     return columns
 
 
-def _goal_columns(history: tuple[Pass, ...]) -> list[Columns]:
+def _goal_columns(history: Passes) -> list[Columns]:
     if history[0].goal is None:
         return []
     figures = [goal_figures(step) for step in history]
@@ -114,7 +114,7 @@ def _cells(values: Iterable[float | None], text: Callable[[float], str]) -> list
     return [DASH if value is None else text(value) for value in values]
 
 
-def _columns_of_output(name: str, history: tuple[Pass, ...]) -> Columns:
+def _columns_of_output(name: str, history: Passes) -> Columns:
     found = [values_of(step)[name] for step in history]
     values, errors = [each.value for each in found], [each.error for each in found]
     with_digits = _by_least(errors)
@@ -130,7 +130,7 @@ def _output_change(before: float, after: float) -> str:
     return f"{change:+.2f}" if change is not None else SIGN_CHANGE if changes_sign(before, after) else DASH
 
 
-def _work_columns(history: tuple[Pass, ...]) -> Columns:
+def _work_columns(history: Passes) -> Columns:
     figures, work = Columns(), Columns()
     for entry in fields(history[0]):
         if "title" in entry.metadata:
@@ -143,7 +143,7 @@ def _work_columns(history: tuple[Pass, ...]) -> Columns:
     if any(step.functional is not None for step in history):
         work.insert(0, ("gain of map", [DASH, *(_gain_of_map(*pair) for pair in pairwise(history))]))
     return [
-        ("elements", [str(step.mesh.t.shape[1]) for step in history]),
+        ("elements", [str(step.mesh.nelements) for step in history]),
         *figures,
         ("seconds", [f"{sum(step.seconds.values()):.2f}" for step in history]),
         *work,
@@ -226,7 +226,7 @@ class AdaptResult:
     solution: Any = field(repr=False)
     indicators: Floats = field(repr=False)
     estimate: float
-    history: tuple[Pass, ...] = field(repr=False)
+    history: Passes = field(repr=False)
     status: Status
     message: str
     nodes: Ints = field(repr=False)

@@ -1,4 +1,4 @@
-"""Relocation, polish and reasons of held nodes as single calls, without a loop of passes."""
+"""Relocation, polish and reasons of held nodes, without a loop of passes."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Texts
 from kohonen_adapt.checks import check_count, with_nearest_names
 from kohonen_adapt.geometry.held_nodes import with_pins
 from kohonen_adapt.geometry.movable import unchanged
@@ -261,7 +261,7 @@ def without_functional(reason: NotOffered) -> ValueError:
     return ValueError(f"polish requires the functional of the problem: {reason}.")
 
 
-def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> NDArray[np.str_]:
+def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> Texts:
     """Return why each node of a mesh is held.
 
     Layers hold no node, because they refuse flips, collapses and splits only. The quality, the reach of a move and the
@@ -318,7 +318,7 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
     return reasons_at(mesh, checked, rules)
 
 
-def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> NDArray[np.str_]:
+def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> Texts:
     orders = range(0) if problem is None else problem.final_orders(False)
     if problem is not None and orders:  # the solution is not of the order of the passes
         problem, solution = problem.at_grading_order, None
@@ -332,7 +332,7 @@ def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solutio
     if problem is not None:
         polish = polish_reasons(mesh, movable, problem, solution)
         reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
-    return np.array(reasons, dtype=np.str_)
+    return np.array(reasons, np.str_)
 
 
 def opened(mesh: Mesh, rules: Rules, problem: CheckedProblem | None) -> Any:

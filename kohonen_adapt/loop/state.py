@@ -8,7 +8,7 @@ import numpy as np
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Ending, Pass
+from kohonen_adapt.loop.passes import Ending, Pass, Passes
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
@@ -72,7 +72,7 @@ class State:
         Sentences on errors of the goal and the outputs, at the end of the message.
     """
 
-    passes: tuple[Pass, ...]
+    passes: Passes
     last: Solved
     least_error: Solved
     lowest_functional: Solved
@@ -108,13 +108,6 @@ class State:
         best = self.best
         passes = tuple(record if step is best.record else step for step in self.passes)
         return replace(self.with_solution(best, replace(best, record=record)), passes=passes)
-
-    def with_order(self, solved: Solved, raised: str) -> "State":
-        passes = (*self.passes, solved.record)
-        return replace(self, passes=passes, last=solved, chosen=solved, raised=raised, notes=())
-
-    def reopened(self) -> "State":
-        return replace(self, ending=None, notes=())
 
     @property
     def best(self) -> Solved:
@@ -214,7 +207,7 @@ STALL_PASSES = 2
 STALL_GAIN = 1e-3
 
 
-def stalls_by_estimate(passes: tuple[Pass, ...]) -> bool:
+def stalls_by_estimate(passes: Passes) -> bool:
     if len(passes) <= STALL_PASSES:
         return False
     before = min(passes[:-STALL_PASSES], key=lambda step: step.worth)
@@ -224,7 +217,7 @@ def stalls_by_estimate(passes: tuple[Pass, ...]) -> bool:
     )
 
 
-def stalls_by_functional(passes: tuple[Pass, ...]) -> bool:
+def stalls_by_functional(passes: Passes) -> bool:
     """Return True if the last passes contributed too little of the total decrease.
 
     Estimates overrate stretched tetrahedra, so they are compared only if a pass has no comparable functional.

@@ -12,7 +12,7 @@ from kohonen_adapt.loop.corners import corner_remark
 from kohonen_adapt.loop.figures import energy_norm_error
 from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
-from kohonen_adapt.loop.passes import Ending, Pass, Status, StepFailed, Work, text_of
+from kohonen_adapt.loop.passes import Ending, Pass, Passes, Status, StepFailed, Work, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.state import STALL_GAIN, STALL_PASSES, State, underrating
 from kohonen_adapt.loop.step import Adaptation
@@ -31,8 +31,6 @@ FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 CONTINUE = "Adapt the result to continue."
 
 UNINTERRUPTED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
-
-Passes = tuple[Pass, ...]
 
 
 @dataclass(frozen=True)
@@ -65,22 +63,27 @@ class StopTest:
 
     def _ending(self, state: State, is_stopped: bool, growing: bool, stalled: bool) -> Ending | None:
         passes, best = state.passes, state.best.record
-        last, count, result = passes[-1], count_text(passes), best_pass_text(best)
+        last, after = passes[-1], f"after {count_text(passes)}"
+        missed = f"{after}{self.asked.missed_text(last)}."
         if converged := self.converged(state):
             return converged
         if is_stopped:
-            return Ending(Status.STOPPED, f"Stopped by the callback after {count}. {result} {CONTINUE}")
+            return stopped_ending(Status.STOPPED, f"by the callback {after}.", best, CONTINUE)
         if last.number > 0 and last.moved == 0 and not growing:
             return unmoved_ending(last, best)
         if unreachable := self.asked.unreachable_text(passes):
-            return Ending(Status.STALLED, f"Stopped after {count}: {unreachable} {result}")
+            return stopped_ending(Status.STALLED, f"{after}: {unreachable}", best)
         if self.max_nodes is not None and last.mesh.nvertices >= FULL * self.max_nodes:
-            return self._largest(last, count, result)
+            at = f"at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) {missed}"
+            return stopped_ending(Status.MAX_NODES, at, best, self._remedy_of_nodes(last))
         if stalled and not growing and not state.owes_pass:
             return stalled_ending(best)
         if last.number < self.passes or (state.owes_pass and best.number == 0):
             return None
-        return self._all_passes(last, count, result)
+        if last.number == 0:
+            text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
+            return Ending(Status.MAX_PASSES, text)
+        return stopped_ending(Status.MAX_PASSES, missed, best, "Increase `passes` to continue.")
 
     def converged(self, state: State) -> Ending | None:
         last, best = state.passes[-1], state.best.record
@@ -103,9 +106,9 @@ class StopTest:
 
     def _missed(self, state: State) -> Ending:
         last, before = state.passes[-1], state.ending
-        text = f"Stopped after {count_text(state.passes)}{self.asked.missed_text(last)}. {best_pass_text(last)}"
         keeps = before is not None and self.asked.estimate(last) is None
-        return Ending(before.status if before and keeps else Status.MAX_PASSES, text)
+        status = before.status if before and keeps else Status.MAX_PASSES
+        return stopped_ending(status, f"after {count_text(state.passes)}{self.asked.missed_text(last)}.", last)
 
     def wants_order(self, state: State) -> bool:
         """Return True if the next step is a solve of a higher order."""
@@ -117,23 +120,11 @@ class StopTest:
         allowed = self.asked.estimate(best)
         return len(self.grading.orders) == 1 or allowed is None or best.estimate > allowed
 
-    def _all_passes(self, last: Pass, count: str, result: str) -> Ending:
-        if last.number == 0:
-            text = "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
-        else:
-            missed = self.asked.missed_text(last)
-            text = f"Stopped after {count}{missed}. {result} Increase `passes` to continue."
-        return Ending(Status.MAX_PASSES, text)
-
-    def _largest(self, last: Pass, count: str, result: str) -> Ending:
+    def _remedy_of_nodes(self, last: Pass) -> str:
         tolerance = self.tolerance(last)
-        text = f"Stopped at {last.mesh.nvertices} nodes (`max_nodes` {self.max_nodes}) after {count}"
-        text += f"{self.asked.missed_text(last)}. {result}"
-        if tolerance:
-            text += (
-                f" The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
-            )
-        return Ending(Status.MAX_NODES, text)
+        if not tolerance:
+            return ""
+        return f"The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
 
     def _is_met(self, passes: Passes, best: Pass) -> bool:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
@@ -238,6 +229,10 @@ def _polish_remark(passes: Passes, settings: Settings, norm: str) -> str:
         return f"The polish lowered the energy, and passes were compared by the estimate in the {norm} norm."
     reason = next((step.incomparable for step in reversed(passes) if step.incomparable), "")
     return f"Passes were compared by the estimate, because {reason}."
+
+
+def stopped_ending(status: Status, text: str, best: Pass, remedy: str = "") -> Ending:
+    return Ending(status, f"Stopped {text} {best_pass_text(best)} {remedy}".rstrip())
 
 
 def stalled_ending(best: Pass) -> Ending:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from io import BytesIO
 from math import ceil
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import FilePath, Floats
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.passes import Pass
@@ -42,7 +41,7 @@ class View:
 
 
 def animate_passes(
-    path: str | PathLike[str],
+    path: FilePath,
     history: Sequence[Pass],
     *,
     plane: CutBy | None = None,
@@ -78,7 +77,7 @@ def animate_passes(
 
 
 def animate_map(
-    path: str | PathLike[str],
+    path: FilePath,
     som: KohonenMap,
     points: ArrayLike | Draw,
     schedule: Schedule,

@@ -122,7 +122,7 @@ def _number_axes(axes: Axes) -> None:
 
 
 def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
-    nodes = np.array([step.mesh.nvertices for step in history], dtype=float)
+    nodes = np.array([step.mesh.nvertices for step in history], float)
     errors = np.array([step.shown_estimate for step in history]) / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)
 
@@ -244,7 +244,7 @@ def plot_density(
         tetrahedra, or if a plane is given for triangles.
     """
     axes = axes_of(ax, height=5.0)
-    shown = as_reals("density", density, {"nelements": mesh.t.shape[1]}) / in_unit(unit) ** len(mesh.p)
+    shown = as_reals("density", density, {"nelements": mesh.nelements}) / in_unit(unit) ** len(mesh.p)
     low, high = _scale_of(shown)
     norm = LogNorm(low, high) if low < high else Normalize(0.0, high)
     shades = draw_indicators(axes, mesh, shown, norm=norm, plane=plane, unit=unit, axisymmetric=axisymmetric)

@@ -90,7 +90,7 @@ def draw_mesh(
     """
     # Thinner lines on finer meshes, down to where they would vanish.
     shown = flat(mesh, plane, axisymmetric)
-    width = float(np.clip(20.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5))
+    width = float(np.clip(20.0 / np.sqrt(shown.mesh.nelements), 0.08, 0.5))
     draw_edges(axes, shown, unit, "0.4", width)
     draw_outline(axes, shown, unit, "black")
 
@@ -136,7 +136,7 @@ def draw_indicators(
     >>> bar = figure.colorbar(colours, label="indicator")
     >>> figure.savefig("indicators.png")
     """
-    values = as_reals("indicators", indicators, {"nelements": mesh.t.shape[1]})
+    values = as_reals("indicators", indicators, {"nelements": mesh.nelements})
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
     shown = flat(mesh, plane, axisymmetric)
@@ -191,7 +191,7 @@ def draw_field_lines(
     >>> figure.savefig("lines.png")
     """
     shown = flat(mesh, plane, axisymmetric)
-    magnitude = shown.of_elements(_values("magnitude", magnitude, mesh, {"nelements": mesh.t.shape[1]}))
+    magnitude = shown.of_elements(_values("magnitude", magnitude, mesh, {"nelements": mesh.nelements}))
     potential = shown.of_nodes(_values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)}))
     mesh = shown.mesh
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
@@ -216,7 +216,7 @@ def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
 
 def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
     inside = np.ndim(given) == len(mesh.p) == 2
-    return as_reals(name, given, lattice_shape(name, given, mesh.t.shape[1]) if inside else shape)
+    return as_reals(name, given, lattice_shape(name, given, mesh.nelements) if inside else shape)
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:

@@ -8,8 +8,9 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.charts import draw_passes
@@ -159,5 +160,5 @@ def _curves(result: SweepResult) -> dict[str, list[int]]:
     return found
 
 
-def _order(values: NDArray[Any]) -> list[int]:
+def _order(values: Array) -> list[int]:
     return np.argsort(values, kind="stable").tolist() if values.dtype.kind in "bif" else list(range(values.size))

@@ -11,10 +11,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Texts
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curve
@@ -95,7 +94,7 @@ def plot_outlines(
     axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
     _draw_constraints(axes, outline, triangulation.position, unit)
-    why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), dtype=np.str_))
+    why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), np.str_))
     _draw_reasons(axes, why, outline, triangulation.position, unit)
     sagitta = in_unit(unit) * outline.farthest(triangulation)[0]
     if sagitta > 0.0:
@@ -106,7 +105,7 @@ def plot_outlines(
     return axes
 
 
-def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
+def _colours(ends: Ints, chain: Ints, count: int) -> Texts:
     at: dict[int, set[int]] = defaultdict(set)
     for node, c in zip(ends.ravel().tolist(), np.repeat(chain, 2).tolist(), strict=True):
         at[node].add(c)
@@ -122,7 +121,7 @@ def _colours(ends: Ints, chain: Ints, count: int) -> NDArray[np.str_]:
     return np.array(COLOURS)[found]
 
 
-def _draw_chains(axes: Axes, outline: Outline, colours: NDArray[np.str_], facets: Ints, unit: str) -> None:
+def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, unit: str) -> None:
     chains = outline.constraints.chains
     curve_index = outline.curve_index >= 0
     plain = ~chains.paired & ~curve_index
@@ -158,7 +157,7 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     chains = outline.constraints.chains
     turn = np.abs(chains.curvature) * chains.length
     parts = np.where(outline.on_circles, np.ceil(turn / STEP), np.where(outline.straight, 1, 8 * facets))
-    stop = np.cumsum(parts.astype(np.int64) + 1)
+    stop = np.cumsum(parts.astype(int) + 1)
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
     fraction = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
     return np.split(outline.points_on(chain, fraction * chains.length[chain]), stop[:-1])
@@ -197,7 +196,7 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     )  # fmt: skip
 
 
-def _draw_reasons(axes: Axes, why: NDArray[np.str_], outline: Outline, position: Floats, unit: str) -> None:
+def _draw_reasons(axes: Axes, why: Texts, outline: Outline, position: Floats, unit: str) -> None:
     never, size = outline.nodes_by_freedom()["fixed"], _square_size(outline)
     counts = Counter(why[why != ""].tolist()).most_common()
     for k, (reason, count) in enumerate(counts):

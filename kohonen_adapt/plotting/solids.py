@@ -9,7 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from matplotlib.patches import Patch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTet
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -94,19 +94,19 @@ def plot_slice(
     mesh, coils = _checked(mesh)[0], listed_coils(coils)
     shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
     if values is None:
-        number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.t.shape[1])
+        number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.nelements)
         draw_elements(axes, shown.mesh, number.astype(float), unit, _numbered(colours), ListedColormap(colours))
         _add_legend(axes, colours, labels)
     else:
         checked = _values(mesh, values)
-        if len(checked) == mesh.t.shape[1]:
+        if len(checked) == mesh.nelements:
             found = shown.of_elements(checked)
         else:
             found = _on_cut(mesh, shown, checked)[shown.mesh.t]
         norm = norm or Normalize(checked.min(), checked.max())
         drawn = draw_elements(axes, shown.mesh, found, unit, norm, colormaps["viridis"])
         axes.figure.colorbar(drawn, ax=axes, label=label)
-    draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.t.shape[1]), 0.08, 0.5)))
+    draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.nelements), 0.08, 0.5)))
     draw_outline(axes, shown, unit, "black")
     for coil in coils:
         segments = in_unit(unit) * cut_triangles(coil.winding.surface, plane)
@@ -197,9 +197,9 @@ def plot_surface(
 
 
 def _on_faces(mesh: MeshTet, rim: Ints, values: Floats) -> Floats:
-    at = mesh.f2t[0, rim] if len(values) == mesh.t.shape[1] else mesh.facets[:, rim]
-    if len(values) > mesh.p.shape[1] and at.ndim == 2:
-        at = mesh.p.shape[1] + edges_between(mesh, at, at[[1, 2, 0]])  # with the mean of the face
+    at = mesh.f2t[0, rim] if len(values) == mesh.nelements else mesh.facets[:, rim]
+    if len(values) > mesh.nvertices and at.ndim == 2:
+        at = mesh.nvertices + edges_between(mesh, at, at[[1, 2, 0]])  # with the mean of the face
     mean: Floats = np.atleast_2d(values[at]).mean(axis=0)
     return mean
 
@@ -233,8 +233,8 @@ def _checked(mesh: MeshTet) -> tuple[MeshTet, Isoparametric]:
 
 
 def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
-    size, shape = len(np.atleast_1d(values)), {"nelements": mesh.t.shape[1]}
-    if size == mesh.p.shape[1]:
+    size, shape = len(np.atleast_1d(values)), {"nelements": mesh.nelements}
+    if size == mesh.nvertices:
         shape = {"nnodes": size}
     elif size == count_unknowns(mesh, 2):
         shape = {"nunknowns": size}
@@ -242,11 +242,11 @@ def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
 
 
 def _on_cut(mesh: MeshTet, shown: Flat, values: Floats) -> Floats:
-    found = shown.of_nodes(values[: mesh.p.shape[1]])
-    if len(values) > mesh.p.shape[1] and shown.ends is not None and shown.share is not None:
+    found = shown.of_nodes(values[: mesh.nvertices])
+    if len(values) > mesh.nvertices and shown.ends is not None and shown.share is not None:
         rows = np.flatnonzero(shown.ends[0] != shown.ends[1])
         ends, share = shown.ends[:, rows], shown.share[rows]
-        middle = values[mesh.p.shape[1] + edges_between(mesh, *ends)]
+        middle = values[mesh.nvertices + edges_between(mesh, *ends)]
         found[rows] += 4.0 * share * (1.0 - share) * (middle - values[ends].mean(axis=0))
     return found
 
@@ -280,7 +280,7 @@ def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
     return {name: rows for name, rows in found.items() if len(rows)}
 
 
-def _camera(around: float, above: float) -> NDArray[np.float64]:
+def _camera(around: float, above: float) -> Floats:
     turn, rise = np.radians([around, above])
     right = np.array([-np.sin(turn), np.cos(turn), 0.0])
     towards = np.array([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)])

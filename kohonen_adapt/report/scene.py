@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, Texts
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import (
     decades_of,
@@ -55,7 +55,7 @@ def view_data(
     fields: tuple[Mapping[str, FieldOf], Mapping[str, FieldOf]],
     *,
     indicator_label: str,
-    why: Sequence[NDArray[np.str_]],
+    why: Sequence[Texts],
     plane: CutBy | None,
     coils: Iterable[Coil],
     unit: str,
@@ -124,7 +124,7 @@ def _mesh(shown: Flat, sections: Sequence[Floats], unit: str) -> dict[str, Any]:
     }
 
 
-def _held(why: NDArray[np.str_], index: Mapping[str, int]) -> dict[str, Any]:
+def _held(why: Texts, index: Mapping[str, int]) -> dict[str, Any]:
     node = np.flatnonzero(why != "")
     return {"node": packed(node, "u4"), "reason": packed([index[text] for text in why[node].tolist()], "u1")}
 
@@ -152,14 +152,14 @@ def _field(label: str, results: Results, function: FieldOf, at: str) -> Shown:
 
 
 def _checked(label: str, values: ArrayLike, mesh: Mesh, nodal: bool) -> Floats:
-    shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.t.shape[1]}
+    shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.nelements}
     inside = np.ndim(values) == len(mesh.p) == 2
-    return as_reals(label, values, lattice_shape(label, values, mesh.t.shape[1]) if inside else shape)
+    return as_reals(label, values, lattice_shape(label, values, mesh.nelements) if inside else shape)
 
 
 def _indicators(label: str, results: Results) -> Shown:
     values = [
-        shown.of_elements(as_reals("indicators", each.indicators, {"nelements": each.mesh.t.shape[1]}))
+        shown.of_elements(as_reals("indicators", each.indicators, {"nelements": each.mesh.nelements}))
         for each, shown in results
     ]
     low, high = decades_of(values)
@@ -214,7 +214,7 @@ def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
     New sets are added to `names`.
     """
     subdomains = named_sets(mesh.subdomains)
-    codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.t.shape[1])
+    codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.nelements)
     _, first, number = np.unique(codes, return_index=True, return_inverse=True)
     sets = [[name for name, rows in subdomains.items() if np.any(rows == one)] for one in first]
     return np.array([names.setdefault(", ".join(each) or NAMELESS, len(names)) for each in sets])[number]

@@ -7,14 +7,13 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib.resources import files
-from os import PathLike
 from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import FilePath, Texts
 from kohonen_adapt.files import write_whole
 from kohonen_adapt.geometry.held_nodes import without_turns
 from kohonen_adapt.loop.result import AdaptResult, html_table
@@ -34,13 +33,13 @@ from kohonen_adapt.version import __version__
 
 __all__ = ["filled_page", "write_report"]
 
-Picture = bytes | str | PathLike[str]
+Picture = bytes | FilePath
 SCRIPTS = ("meshes.js", "layer.js", "legend.js", "view.js")
 SIGNATURES = {b"\x89PNG\r\n\x1a\n": "png", b"GIF8": "gif"}
 
 
 def write_report(
-    path: str | PathLike[str],
+    path: FilePath,
     result: AdaptResult,
     *,
     before: AdaptResult,
@@ -142,7 +141,7 @@ def write_report(
     write_whole(Path(path), content)
 
 
-def counts_by_reason(why: Sequence[NDArray[np.str_]]) -> list[tuple[str, ...]]:
+def counts_by_reason(why: Sequence[Texts]) -> list[tuple[str, ...]]:
     counts = [Counter(texts[texts != ""].tolist()) for texts in why]
     reasons = [reason for reason, _ in sum(counts, Counter()).most_common()]
     return [(reason, *(str(each[reason]) for each in counts)) for reason in reasons]

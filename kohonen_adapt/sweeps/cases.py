@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import product
-from os import PathLike
 from pathlib import Path
 from traceback import format_exc
 from typing import Any, SupportsFloat
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Array, FilePath
 from kohonen_adapt.display import by_error
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.result import DASH, Columns, table_blocks
@@ -164,10 +163,10 @@ class SweepResult:
 
     parameters: tuple[str, ...]
     outputs: tuple[str, ...]
-    table: NDArray[Any] = field(repr=False)
+    table: Array = field(repr=False)
     errors: tuple[Exception | None, ...] = field(repr=False)
 
-    def to_csv(self, path: str | PathLike[str]) -> None:
+    def to_csv(self, path: FilePath) -> None:
         """Write the table and the errors to a CSV file.
 
         Numbers are written in full precision. An interrupted call leaves no partial file.
@@ -225,19 +224,19 @@ def tabulated(cases: list[Case], outcomes: list[Outcome]) -> SweepResult:
     columns = {name: _values([case[name] for case in cases]) for name in parameters}
     columns |= {name: _column_of(name, outcomes) for name in outputs}
     columns[SECONDS] = np.array([outcome.seconds for outcome in outcomes])
-    table = np.empty(len(cases), dtype=[(name, column.dtype) for name, column in columns.items()])
+    table = np.empty(len(cases), [(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
         table[name] = column
     return SweepResult(parameters, outputs, table, tuple(outcome.error for outcome in outcomes))
 
 
-def _column_of(name: str, outcomes: list[Outcome]) -> NDArray[Any]:
+def _column_of(name: str, outcomes: list[Outcome]) -> Array:
     given = [outcome.outputs.get(name) for outcome in outcomes]
     if any(isinstance(value, str) for value in given):
-        return np.array(["" if value is None else value for value in given], dtype=object)
+        return np.array(["" if value is None else value for value in given], object)
     return np.array([np.nan if value is None else value for value in given])
 
 
-def _values(given: list[Value]) -> NDArray[Any]:
+def _values(given: list[Value]) -> Array:
     kinds = {type(value) for value in given}
-    return np.array(given, dtype=None if len(kinds) == 1 or kinds == {int, float} else object)
+    return np.array(given, None if len(kinds) == 1 or kinds == {int, float} else object)

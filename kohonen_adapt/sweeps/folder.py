@@ -10,6 +10,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.files import remove_drafts, write_whole
 from kohonen_adapt.sweeps.cases import SECONDS, Case, Outcome
 
@@ -33,7 +34,7 @@ class SweepFolder:
     folder: Path
 
     @classmethod
-    def at(cls, folder: str | PathLike[str], function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
+    def at(cls, folder: FilePath, function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"folder must be the path of a folder, or None; got {folder!r}.")
         path, about = Path(folder), _about(function, cases)

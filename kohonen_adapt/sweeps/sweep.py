@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import nullcontext
-from os import PathLike
 from pickle import PicklingError
 from typing import Any
 
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.checks import check_hook
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.precompile import compile_missing
@@ -22,7 +22,7 @@ def sweep(
     cases: Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]],
     *,
     executor: Executor | None = None,
-    folder: str | PathLike[str] | None = None,
+    folder: FilePath | None = None,
     progress: Callable[[int, int], Any] | None = None,
 ) -> SweepResult:
     """Call a function with every case, several at a time.
