@@ -1,8 +1,9 @@
 """Compilation of all kernels ahead of use, for benchmarks and containers."""
 
+from itertools import chain
+
 from kohonen_adapt.kernels.entries import ENTRIES, IN_SPACE
 from kohonen_adapt.kernels.numba.compilation import expect
-from kohonen_adapt.kernels.numba.entry import Entry
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
 
 if CACHED:
@@ -11,6 +12,9 @@ if CACHED and not PLAIN:  # the second process leaves code in the cache, for typ
     from kohonen_adapt.kernels.numba.ahead import compile_ahead
 
     compile_ahead()  # before any first use, not by `warmup` only
+
+
+IN_PLANE = {chapter: entries for chapter, entries in ENTRIES.items() if chapter not in IN_SPACE}
 
 
 def warmup(space: bool = False) -> None:
@@ -31,17 +35,10 @@ def warmup(space: bool = False) -> None:
     >>> import kohonen_adapt as ka
     >>> ka.warmup()  # doctest: +SKIP
     """
-    expect(*_chapters(space))
-    for entry in _entries(space):
+    chapters = ENTRIES if space else IN_PLANE
+    expect(*chapters)
+    for entry in chain(*chapters.values()):
         entry.compile()
-
-
-def _chapters(space: bool) -> list[str]:
-    return [chapter for chapter in ENTRIES if space or chapter not in IN_SPACE]
-
-
-def _entries(space: bool) -> list[Entry]:
-    return [entry for chapter in _chapters(space) for entry in ENTRIES[chapter]]
 
 
 def compile_missing() -> None:
@@ -49,7 +46,8 @@ def compile_missing() -> None:
     # the cache cannot be written, because no other process would find the code.
     if not CACHED:
         return
-    compiled = [entry for entry in _entries(False) if hasattr(entry.loop, "py_func")]  # none if numba is disabled
+    # Without numba, loops are plain functions.
+    compiled = [entry for entry in chain(*IN_PLANE.values()) if hasattr(entry.loop, "py_func")]
     missing = [entry for entry in compiled if not is_cached(entry.loop, entry.types)]
     if missing and is_cacheable(missing[0].loop):
         warmup()

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import MeshTri
 
 from kohonen_adapt.cases.case import Case, error_in_plane, keys_of_space
 from kohonen_adapt.cases.potentials import TabulatedPotential
@@ -56,8 +56,11 @@ def fitting_mesh(case: Case) -> MeshTri:
         drawn = case.drawn
         check_names_written(drawn)  # the results have the names of the mesh
         _ = case.groups  # read now, because the results need the groups after a long run
-    _check_dimension(case.base_problem, drawn)
-    if case.bracket and cell_of(drawn) is TRIANGLE:
+    problem, in_plane = case.base_problem, cell_of(drawn) is TRIANGLE
+    if in_plane and isinstance(problem, MagneticScalarPotential):
+        keys = keys_of_space(problem.materials, {key: value for key, value in vars(problem).items() if value})
+        raise error_in_plane(keys, "the mesh is one of triangles")
+    if case.bracket and in_plane:
         raise ValueError("bracket: for meshes of tetrahedra only, but the mesh is one of triangles. Remove the key.")
     mesh = turned_mesh(drawn, case.turn, case.pairs)
     if len(case.pins(mesh)) < len(case.pins(drawn)):
@@ -92,12 +95,6 @@ def _check_file(path: Path) -> None:
     beside = [file.name for file in path.parent.iterdir()] if path.parent.is_dir() else []
     near = nearest_name(path.name, beside)
     raise ValueError(f"mesh must be the path of a mesh file, relative to the case; there is no file '{path}'.{near}")
-
-
-def _check_dimension(problem: Magnetostatics | MagneticScalarPotential, mesh: Mesh) -> None:
-    if isinstance(problem, MagneticScalarPotential) and cell_of(mesh) is TRIANGLE:
-        keys = keys_of_space(problem.materials, {key: value for key, value in vars(problem).items() if value})
-        raise error_in_plane(keys, "the mesh is one of triangles")
 
 
 def _check_names(case: Case, mesh: MeshTri) -> None:

@@ -146,8 +146,13 @@ def case_of(given: Options, folder: Path) -> Case:
     problem = _problem(values)
     options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
+    mesh = values["mesh"]
+    if "trusted" in values:
+        if not isinstance(mesh, Drawing):
+            raise ValueError('trusted is for a drawing, mesh = {drawing = "NAME.geo"}; a mesh file runs nothing.')
+        mesh = replace(mesh, trusted=values["trusted"])
     return Case(
-        _trusting(values["mesh"], values.get("trusted")),
+        mesh,
         values.get("scale", 1.0),
         problem,
         options,
@@ -156,14 +161,6 @@ def case_of(given: Options, folder: Path) -> Case:
         values.get("rim", ""),
         values.get("bracket", False),
     )
-
-
-def _trusting(mesh: Path | Drawing, trusted: bool | None) -> Path | Drawing:
-    if trusted is None:
-        return mesh
-    if not isinstance(mesh, Drawing):
-        raise ValueError('trusted is for a drawing, mesh = {drawing = "NAME.geo"}; a mesh file runs nothing.')
-    return replace(mesh, trusted=trusted)
 
 
 def _check_outputs(output_rtol: Any, outputs: Options, problem: Any) -> None:

@@ -13,7 +13,7 @@ from string import Template
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import named_sets
@@ -68,9 +68,9 @@ def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()
 
 
 def _names(mesh: Mesh) -> dict[str, str]:
-    sets, areas, sides = named_sets(mesh.subdomains), area(mesh), _rim_fractions(mesh)
-    subdomain = min(sorted(sets), key=lambda name: float(areas[sets[name]].sum()), default="coil")
-    side = max(sides, key=lambda name: sides[name], default=_unused_name(mesh))
+    sizes, sides = _fractions(mesh), _rim_fractions(mesh)
+    subdomain = min(sorted(sizes), key=sizes.__getitem__, default="coil")
+    side = max(sides, key=sides.__getitem__, default=_unused_name(mesh))
     pair = min(combinations(sides, 2), key=lambda two: abs(sides[two[0]] - sides[two[1]]), default=("left", "right"))
     return {
         "part": _quoted(subdomain),
@@ -93,16 +93,16 @@ def _unused_name(mesh: Mesh) -> str:
 
 
 def _materials(mesh: Mesh) -> Iterator[str]:
-    sets, areas = named_sets(mesh.subdomains), area(mesh) / area(mesh).sum()
+    sets, sizes = named_sets(mesh.subdomains), _fractions(mesh)
     whole, group = ("the area", "surface") if len(mesh.p) == 2 else ("the volume", "volume")
-    chosen = _partition(sets, areas)
-    for name, rows in sorted(sets.items()):
-        fraction = f"{100.0 * areas[rows].sum():.3g} % of {whole}"
+    chosen = _partition(sets, sizes, mesh.nelements)
+    for name in sorted(sets):
+        fraction = f"{100.0 * sizes[name]:.3g} % of {whole}"
         if name in chosen:
             yield f"\n[materials.{_key(name)}]  # {fraction}\npermeability = 1.0"
         else:
             yield f"\n# [materials.{_key(name)}]  # {fraction}; overlaps other subdomains, or is empty"
-    bare = 1.0 - sum(areas[sets[name]].sum() for name in chosen)
+    bare = 1.0 - sum(sizes[name] for name in chosen)
     if bare > 1e-9:
         fraction = f"{100.0 * bare:.3g} % of {whole}"
         yield f"\n# {fraction} has no material above: give it a {group} group of its own in the mesh."
@@ -110,14 +110,19 @@ def _materials(mesh: Mesh) -> Iterator[str]:
         yield "\n[materials]"
 
 
-def _partition(sets: dict[str, Ints], areas: Floats) -> set[str]:
+def _fractions(mesh: Mesh) -> dict[str, float]:
+    areas = area(mesh) / area(mesh).sum()
+    return {name: float(areas[rows].sum()) for name, rows in named_sets(mesh.subdomains).items()}
+
+
+def _partition(sets: dict[str, Ints], sizes: dict[str, float], count: int) -> set[str]:
     """Return disjoint subdomains, the larger area of two greedy choices.
 
     One choice begins with the smallest subdomain, the other with the largest.
     """
-    order = sorted(sets, key=lambda name: float(areas[sets[name]].sum()))
-    found = [_disjoint(sets, names, len(areas)) for names in (order, order[::-1])]
-    return max(found, key=lambda names: sum(float(areas[sets[name]].sum()) for name in names))
+    order = sorted(sets, key=sizes.__getitem__)
+    found = [_disjoint(sets, names, count) for names in (order, order[::-1])]
+    return max(found, key=lambda names: sum(map(sizes.__getitem__, names)))
 
 
 def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
@@ -131,7 +136,7 @@ def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
 
 def _potential(mesh: Mesh) -> Iterator[str]:
     fractions = _rim_fractions(mesh)
-    outer = max(fractions, key=lambda name: fractions[name], default="")
+    outer = max(fractions, key=fractions.__getitem__, default="")
     most = fractions.get(outer, 0.0)
     yield f"\n[potential]  # {GIVEN[len(mesh.p)]}"
     if 0.0 < most <= 0.5:  # possibly a periodic side
@@ -146,16 +151,15 @@ def _potential(mesh: Mesh) -> Iterator[str]:
 
 
 def _rim_fractions(mesh: Mesh) -> dict[str, float]:
-    sets = named_sets(mesh.boundaries)
-    return {name: _rim_fraction(mesh, sets[name]) for name in sorted(sets) if len(sets[name])}
-
-
-def _rim_fraction(mesh: Mesh, rows: Ints) -> float:
     rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
     size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)
     if len(mesh.p) == 3:
         size = np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
-    return float(size[rows].sum() / size[rim].sum()) if np.isin(rows, rim).all() else 0.0
+    return {
+        name: float(size[rows].sum() / size[rim].sum()) if np.isin(rows, rim).all() else 0.0
+        for name, rows in sorted(named_sets(mesh.boundaries).items())
+        if len(rows)
+    }
 
 
 def _key(name: str) -> str:

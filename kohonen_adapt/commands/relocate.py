@@ -29,12 +29,8 @@ from kohonen_adapt.som.density import density_from_indicators, density_from_size
 __all__ = ["relocate_file"]
 
 
-def _as_it_is(mesh: MeshTri, values: Array) -> Array:
-    return values
-
-
 MEANINGS: dict[str, Callable[[MeshTri, Array], Array]] = {
-    "density": _as_it_is,
+    "density": lambda mesh, values: values,
     "indicators": density_from_indicators,
     "sizes": density_from_sizes,
 }

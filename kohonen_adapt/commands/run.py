@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import refuse_link
 from kohonen_adapt.display import lattice_points
@@ -129,7 +128,7 @@ class CaseRun:
             return
         with whole_files(self.folder) as draft:
             write_fields(self.case, result, draft / MESH, draft / FIELDS)
-            if _has_inside(result.solution):
+            if result.solution.elements.order > 1:
                 _write_inside(result.solution, draft / INSIDE)
             _write_history(result.history, draft)
         self._written = result.mesh
@@ -139,19 +138,16 @@ def write_fields(case: Case, result: AdaptResult, mesh: Path, fields: Path) -> N
     # The Gmsh file has the unit and group numbers of the input. The file for ParaView is in metres, with B and H as
     # means of the elements.
     field = result.solution
+    # higher orders are in the file with values inside elements
+    above = field.elements.dim == 3 and field.elements.order > HIGHEST_AT_NODES
+    potential = field.potential[: field.mesh.nvertices] if above else field.potential
     write_mesh(mesh, result.mesh.scaled(1.0 / case.scale), groups=case.groups)
     write_mesh(
         fields,
         result.mesh,
-        point_data={POTENTIAL[len(result.mesh.p)]: _written_potential(field)},
+        point_data={POTENTIAL[len(result.mesh.p)]: np.asarray(potential)},
         cell_data={"B (T)": field.flux_density, "H (A per m)": field.field_strength, "indicator": result.indicators},
     )
-
-
-def _written_potential(field: Any) -> Floats:
-    # higher orders are in the file with values inside elements
-    above = field.elements.dim == 3 and field.elements.order > HIGHEST_AT_NODES
-    return np.asarray(field.potential[: field.mesh.nvertices] if above else field.potential)
 
 
 def curve_sentence(case: Case, result: AdaptResult) -> str:
@@ -163,11 +159,7 @@ def curve_sentence(case: Case, result: AdaptResult) -> str:
 
 
 def results_of(result: AdaptResult) -> list[str]:
-    return [MESH, FIELDS, *([INSIDE] if _has_inside(result.solution) else []), HISTORY]
-
-
-def _has_inside(field: Any) -> bool:
-    return bool(field.elements.order > 1)
+    return [MESH, FIELDS, *([INSIDE] if result.solution.elements.order > 1 else []), HISTORY]
 
 
 def _write_inside(field: Any, path: Path) -> None:

@@ -64,7 +64,7 @@ def read_elmer(folder: Path) -> Content:
 def _text(folder: Path, name: str) -> str:
     if not (folder / name).is_file():
         raise ValueError(f"it has no file {name}")
-    return (folder / name).read_text(encoding="utf-8", errors="replace")
+    return (folder / name).read_text("utf-8", "replace")
 
 
 def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
@@ -106,14 +106,12 @@ def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, gr
     places = in_space(mesh.p.T).tolist()
     folder.mkdir(exist_ok=True)
     with whole_files(folder) as draft:
-        (draft / HEADER).write_text(counts, encoding="utf-8")
         rows = [f"{number} -1 {x!r} {y!r} {z!r}\n" for number, (x, y, z) in enumerate(places, 1)]
-        (draft / "mesh.nodes").write_text("".join(rows), encoding="utf-8")
+        names = _named({d: subdomains, d - 1: boundaries}, numbers)
+        for name, texts in ((HEADER, [counts]), ("mesh.nodes", rows), ("mesh.names", names)):
+            (draft / name).write_text("".join(texts), "utf-8")
         for name, columns in (("mesh.elements", elements), ("mesh.boundary", sides)):
             np.savetxt(draft / name, np.column_stack(columns), "%d")
-        (draft / "mesh.names").write_text(
-            "".join(_named({d: subdomains, d - 1: boundaries}, numbers)), encoding="utf-8"
-        )
 
 
 def _numbered(sets: Sets, dimension: int, count: int, numbers: GroupNumbers) -> Ints:

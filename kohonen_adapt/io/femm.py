@@ -41,7 +41,7 @@ def read_ans(path: Path) -> Content:
     # Boundaries are found as the nodes on segments and arcs with a property, because files before 2018 do not list
     # the sides of triangles.
     with as_value_error(path, f"read_mesh expected a solution of FEMM; '{path}' cannot be read: {{}}."):
-        head, mark, solution = path.read_text(encoding="utf-8", errors="replace").partition("[Solution]")
+        head, mark, solution = path.read_text("utf-8", "replace").partition("[Solution]")
         if not mark:
             raise ValueError("it has no [Solution]: analyse the model in FEMM, and use the .ans file of the solution")
         lines = solution.split("\n")[1:]

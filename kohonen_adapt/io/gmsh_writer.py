@@ -194,7 +194,8 @@ def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
 def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$Nodes\n{p.shape[1]}\n")
     _write_rows(stream, f"%d {_coordinates(p)}", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
-    tables = [_element_lines(layer, rank) for rank in range(_most_groups(layers)) for layer in reversed(layers)]
+    most = max(1, *(len(groups) for layer in layers for groups in layer.groups))
+    tables = [_element_lines(layer, rank) for rank in range(most) for layer in reversed(layers)]
     stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
     start = 1
     for table in tables:
@@ -203,10 +204,6 @@ def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
         start += len(table)
         _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
     stream.write("$EndElements\n")
-
-
-def _most_groups(layers: list[Layer]) -> int:
-    return max(1, *(len(groups) for layer in layers for groups in layer.groups))
 
 
 def _element_lines(layer: Layer, rank: int) -> Ints:

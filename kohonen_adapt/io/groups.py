@@ -158,8 +158,9 @@ def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> GroupNumbe
     numbers = {key: known[key] for key in keys if key in known}
     used = {(dimension, number) for (dimension, _), number in numbers.items()}
     for dimension, name in keys:
-        number = _number_in(name, UNNAMED[max(sets)][dimension])
-        if (dimension, name) not in numbers and number and (dimension, number) not in used:
+        found = re.fullmatch(UNNAMED[max(sets)][dimension].format("([1-9][0-9]{0,9})"), name)
+        number = int(found[1]) if found else 0
+        if (dimension, name) not in numbers and 0 < number <= LARGEST_TAG and (dimension, number) not in used:
             numbers[dimension, name] = number
     taken = {*numbers.values(), *(number for _, number in groups.names)}
     free = (number for number in count(1) if number not in taken)
@@ -173,9 +174,3 @@ def _known(groups: Groups) -> GroupNumbers:
             raise ValueError(f"numbers of groups must be integers from 1 to {LARGEST_TAG}; '{name}' has {number!r}.")
         known.setdefault((dimension, name), int(number))
     return known
-
-
-def _number_in(name: str, unnamed: str) -> int | None:
-    found = re.fullmatch(unnamed.format("([1-9][0-9]{0,9})"), name)
-    number = int(found[1]) if found else 0
-    return number if 0 < number <= LARGEST_TAG else None

@@ -55,7 +55,7 @@ def read_freefem(path: Path) -> Content:
 
 def read_mfem(path: Path) -> Content:
     with as_value_error(path, f"read_mesh expected a mesh of MFEM; '{path}' cannot be read: {{}}."):
-        text = re.sub(r"#.*", "", path.read_text(encoding="utf-8", errors="replace"))
+        text = re.sub(r"#.*", "", path.read_text("utf-8", "replace"))
         _, *parts = SECTIONS.split(text)
         sections = dict(zip(parts[::2], (parse_numbers(part) for part in parts[1::2]), strict=True))
         others = sections.keys() - {"dimension", "elements", "boundary", "vertices"}

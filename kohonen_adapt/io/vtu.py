@@ -100,7 +100,9 @@ def write_vtu(
     if any(values.size > p.shape[1] for values in point_data.values()) and not order:
         nodes, p = _with_midsides(mesh)
     if order:
-        nodes, p = _lagrange_nodes(mesh, order), _lagrange_points(mesh, order) if positions is None else positions
+        count = mesh.nelements
+        nodes = _vtk_rows(order, dim) * count + np.arange(count)[:, None]
+        p = _lagrange_points(mesh, order) if positions is None else positions
     kind = list(LAGRANGE)[dim - 2] if order > 1 else KINDS[nodes.shape[1]]
     nodal = {
         escape(name, quote=False): _at_points(mesh, values, order) if order else values
@@ -114,11 +116,6 @@ def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
     number_edges(mesh)
     nodes = np.vstack((mesh.t, mesh.p.shape[1] + mesh.t2e)).T
     return nodes, np.hstack((mesh.p, mesh.p[:, mesh.edges].mean(axis=1)))
-
-
-def _lagrange_nodes(mesh: Mesh, order: int) -> Ints:
-    count = mesh.nelements
-    return (_vtk_rows(order, len(mesh.p)) * count + np.arange(count)[:, None]).astype(int)
 
 
 def _lagrange_points(mesh: Mesh, order: int) -> Floats:

@@ -73,7 +73,8 @@ def animate_passes(
     OSError
         If the file cannot be written.
     """
-    _write(Path(path), [(step.mesh, _title(step)) for step in history], View(plane, unit, axisymmetric), seconds)
+    frames = [(step.mesh, f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}") for step in history]
+    _write(Path(path), frames, View(plane, unit, axisymmetric), seconds)
 
 
 def animate_map(
@@ -135,10 +136,6 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
         for rate in stage.rates().tolist():
             one = replace(stage, epochs=1, learning_rate=rate)
             yield f"radius {stage.radius}, rate {rate:.2g}", replace(schedule, stages=(one,))
-
-
-def _title(step: Pass) -> str:
-    return f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}"
 
 
 def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:

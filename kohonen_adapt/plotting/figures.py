@@ -116,7 +116,8 @@ def sweep_figure(result: SweepResult) -> Figure:
     ValueError
         If the result has no outputs, for instance because every case failed.
     """
-    outputs = _drawn_outputs(result)
+    of_errors = {f"{prefix}{name}" for name in result.outputs for prefix in (ERROR, ASKED)}
+    outputs = [name for name in result.outputs if name not in of_errors and result.table[name].dtype != object]
     if not outputs:
         raise ValueError("a sweep must have outputs to be drawn; every case of this one ended with an error.")
     columns = min(COLUMNS, len(outputs))
@@ -128,11 +129,6 @@ def sweep_figure(result: SweepResult) -> Figure:
     for axes in panels[len(outputs) :]:
         axes.remove()
     return figure
-
-
-def _drawn_outputs(result: SweepResult) -> list[str]:
-    of_errors = {f"{prefix}{name}" for name in result.outputs for prefix in (ERROR, ASKED)}
-    return [name for name in result.outputs if name not in of_errors and result.table[name].dtype != object]
 
 
 def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:

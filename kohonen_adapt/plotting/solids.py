@@ -95,7 +95,9 @@ def plot_slice(
     shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
     if values is None:
         number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.nelements)
-        draw_elements(axes, shown.mesh, number.astype(float), unit, _numbered(colours), ListedColormap(colours))
+        draw_elements(
+            axes, shown.mesh, number.astype(float), unit, Normalize(-0.5, len(colours) - 0.5), ListedColormap(colours)
+        )
         _add_legend(axes, colours, labels)
     else:
         checked = _values(mesh, values)
@@ -233,12 +235,8 @@ def _checked(mesh: MeshTet) -> tuple[MeshTet, Isoparametric]:
 
 
 def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
-    size, shape = len(np.atleast_1d(values)), {"nelements": mesh.nelements}
-    if size == mesh.nvertices:
-        shape = {"nnodes": size}
-    elif size == count_unknowns(mesh, 2):
-        shape = {"nunknowns": size}
-    return as_reals("values", values, shape)
+    size, names = len(np.atleast_1d(values)), {mesh.nvertices: "nnodes", count_unknowns(mesh, 2): "nunknowns"}
+    return as_reals("values", values, {names[size]: size} if size in names else {"nelements": mesh.nelements})
 
 
 def _on_cut(mesh: MeshTet, shown: Flat, values: Floats) -> Floats:
@@ -259,10 +257,6 @@ def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, lis
     colours = np.array([WHITE + (1.0 - WHITE) * np.array(to_rgb(colour)) for colour in chosen])
     colours[[not text for text in labels]] = to_rgb(NAMELESS)
     return number, colours, labels
-
-
-def _numbered(colours: Floats) -> Normalize:
-    return Normalize(-0.5, len(colours) - 0.5)
 
 
 def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:

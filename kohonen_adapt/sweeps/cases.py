@@ -199,13 +199,10 @@ class SweepResult:
         values, error = self.table[name].tolist(), f"{ERROR}{name}"
         if error in self.outputs:
             errors = self.table[error].tolist()
-            return name, [_with_error(*pair) for pair in zip(values, errors, strict=True)]
+            pairs = zip(values, errors, strict=True)
+            return name, [shown(v) if np.isnan([v, error]).any() else by_error(v, error) for v, error in pairs]
         is_error = any(name in (f"{ERROR}{each}", f"{ASKED}{each}") for each in self.outputs)
         return name, [f"{value:.2g}" if is_error and not np.isnan(value) else shown(value) for value in values]
-
-
-def _with_error(value: float, error: float) -> str:
-    return shown(value) if np.isnan([value, error]).any() else by_error(value, error)
 
 
 def shown(value: Value) -> str:

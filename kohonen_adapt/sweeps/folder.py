@@ -37,7 +37,14 @@ class SweepFolder:
     def at(cls, folder: FilePath, function: Callable[..., Any], cases: list[Case]) -> "SweepFolder":
         if not isinstance(folder, str | PathLike):
             raise ValueError(f"folder must be the path of a folder, or None; got {folder!r}.")
-        path, about = Path(folder), _about(function, cases)
+        path, (name, content) = Path(folder), _identity(function)
+        about = {
+            "format": FORMAT,
+            "function": name,
+            "code or data of the function": sha256(content).hexdigest()[:32],
+            "parameters": list(cases[0]),
+            "values of parameters": [list(case.values()) for case in cases],
+        }
         path.mkdir(parents=True, exist_ok=True)
         remove_drafts(path)  # left by a process that was killed
         if (path / ABOUT).exists():
@@ -54,17 +61,6 @@ class SweepFolder:
 
     def _file(self, number: int) -> Path:
         return self.folder / f"case-{number:04d}.json"
-
-
-def _about(function: Callable[..., Any], cases: list[Case]) -> dict[str, Any]:
-    name, content = _identity(function)
-    return {
-        "format": FORMAT,
-        "function": name,
-        "code or data of the function": sha256(content).hexdigest()[:32],
-        "parameters": list(cases[0]),
-        "values of parameters": [list(case.values()) for case in cases],
-    }
 
 
 def _identity(function: Callable[..., Any]) -> tuple[str, bytes]:
