@@ -96,8 +96,10 @@ def certified(mesh, problem, plan, known_to):
     return after, recycled, gain
 
 
-@pytest.mark.parametrize("plan", [(2,), (2, 2, 2)], ids=["sweeps", "recycling"])
-@pytest.mark.parametrize("name", CASES)
+SWEPT = [(name, (2,)) for name in CASES if name.endswith("1") or "curved" in name]
+
+
+@pytest.mark.parametrize(("name", "plan"), [*SWEPT, *((name, (2, 2, 2)) for name in CASES)])
 def test_the_next_solution_lies_lower_by_what_was_told(name, plan):
     build, known_to = CASES[name]
     mesh, problem = build()
@@ -109,7 +111,7 @@ def test_the_next_solution_lies_lower_by_what_was_told(name, plan):
 
 @pytest.mark.parametrize("kind", SPACE)
 @given(seed=st.integers(0, 10**6), plan=st.sampled_from([(2,), (2, 1, 1)]))
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_so_it_does_in_space(kind, seed, plan):
     problem = SPACE[kind].random(seed)
     certified(halved_cube((2, 2, 2), 0, seed), problem, plan, TABLE if any(problem.laws) else EXACT)
@@ -158,7 +160,7 @@ def test_at_rest_the_functional_is_stationary(name):
     quality = star_quality(at.movable.triangulation)
     size, scale = np.ptp(x, axis=0).max(), abs(at.value())
     inside = ~at.trial.fixed[: len(x)] & (quality > 0.4) & (chains.kind != HELD)
-    for v in np.flatnonzero(inside)[::3]:
+    for v in np.flatnonzero(inside)[::7]:
         for way in np.eye(2) if chains.kind[v] == FREE else chains.chains.direction[[chains.own_chain[v]]]:
             ends = []
             for h in (1e-6 * size, -1e-6 * size):

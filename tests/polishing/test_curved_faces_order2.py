@@ -28,6 +28,7 @@ MAGNET = Material(5.0, remanence=(1.0, 0.0, 0.5))
 
 
 MESHES = {"ball": lambda: nested_balls(2), "bar": bar}
+each_case = pytest.mark.parametrize(("name", "material"), [("ball", MAGNET), ("bar", SATURATED)], ids=MESHES)
 
 
 def along(x):
@@ -68,8 +69,7 @@ def test_slivers_have_the_volume_that_quadratic_faces_lack():
     assert slivers(descent) == pytest.approx(2.0 * exact, rel=0.02)
 
 
-@pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize("material", [IRON, SATURATED, MAGNET])
+@each_case
 def test_stars_count_the_slivers_of_their_faces(name, material):
     mesh, problem = curved(name), problem_of(material)
     _, descent = descent_on(mesh, problem.ritz(mesh, problem.solve(mesh)))
@@ -88,8 +88,7 @@ def test_stars_count_the_slivers_of_their_faces(name, material):
     assert total / 3.0 == pytest.approx(slivers(descent), rel=1e-9)  # a face is in three stars
 
 
-@pytest.mark.parametrize("name", MESHES)
-@pytest.mark.parametrize("material", [IRON, SATURATED, MAGNET])
+@each_case
 def test_nodes_slide_on_curved_surfaces_while_the_functional_falls_as_told(name, material):
     mesh, problem = curved(name), problem_of(material)
     movable, descent = descent_on(mesh, problem.ritz(mesh, problem.solve(mesh)))

@@ -17,7 +17,6 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import AT_X, FIELD_X, FOLLOWS, GRADIENT_XX
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
-from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
 from kohonen_adapt.problem.functional_value import functional_value
@@ -212,16 +211,3 @@ def test_a_solution_of_order_2_is_itself_on_its_own_mesh():
     own, size = functional.solution, np.ptp(functional.solution.values)
     assert_allclose(there.values, own.values, atol=1e-9 * size)
     assert_allclose(there.modes.side, own.modes.side, atol=1e-9 * size)
-
-
-def test_nonlinear_magnets_are_polished():
-    magnet = Material(bh=STEEL, coercivity=(1e4, 0.0, 3e4))
-    problem = MagneticScalarPotential(
-        {"iron": magnet, "block": Material(bh=STEEL), "air": AIR}, {"outer": 0.0}, order=1
-    )
-    field, movable, functional, before = solved(block_mesh(2), problem)
-    descent = descent_of(movable, functional)
-    gain = descend_and_recycle(descent, (2,))[1]
-    told, near = descent.value(), 1e-8 * field.energy
-    assert told == pytest.approx(before - gain, abs=near) and gain > 0.01 * field.energy and functional.comparable
-    assert solved(movable.mesh(), problem)[3] <= told + near

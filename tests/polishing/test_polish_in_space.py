@@ -81,16 +81,6 @@ class Stated(Diffusion):
         return Ritz(solution, self.ends(mesh)[1], 1.0, **self.stated)
 
 
-def test_what_polish_refuses_on_tetrahedra():
-    mesh, problem = cube(), Stated()
-    with pytest.raises(ValueError, match=r"the functional of the problem: robin of Ritz is for triangles only\."):
-        ka.polish(mesh, Stated(robin={"side1": (1.0, 0.0)}))
-    with pytest.raises(ValueError, match=r"flux of Ritz must have 3 components on a mesh of 3 dimensions; got 2\."):
-        ka.polish(mesh, Stated(flux=np.ones(2)))
-    with pytest.raises(ValueError, match=r"polish keeps all nodes"):
-        ka.polish(mesh, problem, topology="recycle")
-
-
 @pytest.mark.parametrize("stated, reason", [({"robin": {"side1": (1.0, 0.0)}}, "robin"), ({"source": 1.0}, "")])
 def test_adapt_goes_on_without_a_polish_and_says_why(stated, reason):
     result = ka.adapt(cube((2, 2, 2)), Stated(**stated), passes=1)
