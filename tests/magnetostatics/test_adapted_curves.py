@@ -15,14 +15,8 @@ from helpers.round_magnet import (
 from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt import Rules, find_elements
-from kohonen_adapt.geometry.movable import unchanged
-from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.transfer import transferred
-from kohonen_adapt.problem.functional_value import functional_value
 
 
 def adapted(order=2, curved=True, rings=10, passes=2, **options):
@@ -94,32 +88,6 @@ def test_elements_of_order_one_and_meshes_without_curves_stay_straight():
     square = square.with_subdomains({"coil": np.arange(square.t.shape[1])})
     problem = Magnetostatics({"coil": Material(current_density=1.0)}, {"rim": 0.0}, order=2)
     assert type(ka.adapt(square, problem, passes=1).mesh) is MeshTri
-
-
-@pytest.mark.parametrize("order", [2, 3])
-def test_solutions_are_carried_from_curved_to_curved_meshes(order):
-    """What is carried onto the mesh itself is the solution; onto a moved one it is off by what interpolation is."""
-    problem, start = magnet_problem(order), magnet_mesh(10)
-    movable = MovableMesh.of(start, Rules("flip", curves=CURVES), curved=True)
-    mesh, before = movable.mesh(), movable.copy()
-    field = problem.solve(mesh)
-    ritz = problem.ritz(mesh, field)
-    functional = Functional.of(ritz, movable, mesh)
-    same = transferred(functional, before, movable, unchanged(movable.triangulation).start_element)
-    np.testing.assert_allclose(same.values, functional.solution.values, atol=1e-12)
-    np.testing.assert_allclose(same.modes.side, functional.solution.modes.side, atol=1e-12)
-    np.testing.assert_allclose(same.modes.bubble, functional.solution.modes.bubble, atol=1e-11)
-
-    density = ka.density_from_indicators(mesh, problem.indicators(mesh, field), order=order)
-    moved = ka.relocate(mesh, density, topology="flip", curves=CURVES)
-    assert np.abs(moved.p - mesh.p)[:, : mesh.nvertices].max() > 0.01
-    guess = field.potential_at(0.999 * moved.p)
-    assert np.isfinite(guess).all()
-    other = problem.solve(moved)
-    x = 0.99 * moved.p
-    assert np.abs(other.potential_at(x) - field.potential_at(x)).max() < 0.003 * np.ptp(field.potential)
-    assert functional_value(moved, problem.ritz(moved, other)) < functional_value(mesh, ritz)
-    assert np.all(find_elements(moved, 0.99 * mesh.p) >= 0)
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -191,26 +191,6 @@ def test_the_layer_that_closes_the_ring_is_no_part_of_the_result():
     np.testing.assert_allclose(second.potential[number], first.potential, atol=2e-3 * np.abs(first.potential).max())
 
 
-def test_two_currents_through_one_ring():
-    mesh, coils = ring(), [COIL, loop((1.0, 0.0, 0.03), 0.83, orientation=QUARTER_TURN)]
-    coils[1].current = -3.0 * CURRENT
-    both, *each = (
-        MagneticScalarPotential(STEEL, {"outer": 0.0}, applied_field=field).solve(mesh) for field in (coils, *coils)
-    )
-    total = each[0].flux_density + each[1].flux_density
-    np.testing.assert_allclose(both.flux_density, total, atol=1e-4 * np.abs(total).max())
-
-
-def test_a_closed_ring_of_nonlinear_steel():
-    mesh = ring()
-    steel = {"ring": Material(bh=Froehlich(1000.0, 1.6)), "air": AIR}
-    field = MagneticScalarPotential(steel, {"outer": 0.0}, applied_field=COIL).solve(mesh)
-    assert field.newton[-1].converged
-    at = np.array([[1.0], [0.0], [0.0]]) + 1e-3
-    h = np.linalg.norm(field.at(at, ka.find_elements(mesh, at)).field_strength)
-    assert h == pytest.approx(CURRENT / (4.0 * 1.559), rel=0.1)
-
-
 def test_a_current_through_iron_is_refused():
     through = loop((-1.0, 0.0, 0.03), 0.2, orientation=QUARTER_TURN)
     with pytest.raises(
@@ -263,14 +243,3 @@ def test_nonlinear_magnets_that_vary_have_no_functional(solved):
     bent = MagneticScalarPotential({"ball": magnet, "air": AIR}, {"outer": 0.0})
     with pytest.raises(ka.NotOffered, match="nonlinear magnets that vary in a region have no functional to minimise"):
         bent.ritz(mesh, bent.solve(mesh))
-
-
-def test_layers_across_a_field():
-    """Between surfaces of phi = 0, B is the same in both layers, and the potential is linear in each."""
-    t = np.linspace(-1.0, 1.0, 5)
-    mesh = blocks([t, t, t], {"magnet": ((-1.0, -1.0, -1.0), (1.0, 1.0, 0.0))})
-    ends = {"z-": 0.0, "z+": 0.0}
-    field = MagneticScalarPotential({"magnet": Material(1.5), "air": AIR}, ends, applied_field=(0.0, 0.0, 1e3))
-    density = field.solve(mesh).flux_density
-    np.testing.assert_allclose(density[2], MU0 * 2e3 / (1.0 + 1.0 / 1.5), rtol=1e-8)
-    assert np.abs(density[:2]).max() < 1e-8 * density[2].max()

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.devices import MM, coil, coil_mesh, rings_mesh
+from helpers.devices import CIRCUIT, MM, actuator, coil, coil_mesh, rings_mesh
 from scipy.special import ellipe, ellipkm1
-from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
@@ -45,17 +44,6 @@ def test_two_coaxial_coils():
         assert force("low")[1] == pytest.approx(-wanted, rel=0.01)
 
 
-def test_a_plunger_on_the_axis_pulls_the_coil_as_the_coil_it():
-    mesh = rings_mesh({"coil": (8, 12, -4, 4), "plunger": (0, 5, 2, 14)})
-    parts = {"coil": Material(), "plunger": Material(1000.0), "air": Material()}
-    problem = Magnetostatics(parts, potential={"far": 0.0}, ampere_turns={"coil": 500.0}, axisymmetric=True)
-    field = ka.adapt(mesh, problem, passes=1).solution
-    pull = field.force("plunger")
-    assert pull[0] == 0.0 and pull[1] < -0.1
-    assert field.force("coil")[1] == pytest.approx(-pull[1], rel=0.02)
-    assert lorentz_force(field, "coil")[1] == pytest.approx(-pull[1], rel=0.02)
-
-
 @pytest.mark.parametrize(("order", "fineness", "bound"), [(1, 3, 0.003), (2, 1, 5e-5), (3, 1, 2e-5)])
 def test_inductance_by_linkage_is_that_by_energy(order, fineness, bound):
     """2 W = int J A around the axis: an identity of the discrete solution; FEMM's coil has 22.945 mH."""
@@ -67,23 +55,16 @@ def test_inductance_by_linkage_is_that_by_energy(order, fineness, bound):
 
 
 def test_depth_multiplies_what_is_per_metre():
-    ticks = np.linspace(-1.0, 1.0, 17)
-    mesh = MeshTri.init_tensor(ticks, ticks)
-    x, y = mesh.p[:, mesh.t].mean(axis=1)
-    in_coil, in_iron = (np.abs(x) < 0.25) & (np.abs(y) < 0.25), (x > 0.5) & (x < 0.75) & (y > 0) & (y < 0.5)
-    parts = {"coil": in_coil, "iron": in_iron, "air": ~in_coil & ~in_iron}
-    mesh = mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in parts.items()})
-    mesh = mesh.with_boundaries({"outer": lambda x: np.ones(x.shape[1], dtype=bool)}, boundaries_only=True)
-    materials = {"coil": Material(current_density=1e6), "iron": Material(100.0), "air": Material()}
-    metre, deep = (Magnetostatics(materials, potential={"outer": 0.0}, depth=d).solve(mesh) for d in (None, 0.02))
+    metre, deep = (problem.solve(mesh) for mesh, problem in (actuator(depth=None), actuator(depth=0.02)))
     for quantity in (
-        lambda field: field.force("iron"),
-        lambda field: field.torque("coil", centre=(0.1, 0.2)),
-        lambda field: lorentz_force(field, "coil"),
-        lambda field: lorentz_torque(field, "coil", centre=(0.1, 0.2)),
-        lambda field: field.flux_linkage("coil", turns=7),
-        lambda field: apparent_inductance(field, {"coil": 7}),
-        lambda field: energy_inductance(field, {"coil": 7}),
+        lambda field: field.force("bar"),
+        lambda field: field.torque("go", centre=(0.1, 0.2)),
+        lambda field: lorentz_force(field, "go"),
+        lambda field: lorentz_torque(field, "go", centre=(0.1, 0.2)),
+        lambda field: field.flux_linkage("go", turns=7),
+        lambda field: apparent_inductance(field, CIRCUIT),
+        lambda field: energy_inductance(field, CIRCUIT),
+        lambda field: field.coenergy,
     ):
         np.testing.assert_allclose(quantity(deep), 0.02 * np.asarray(quantity(metre)), rtol=1e-12)
 

@@ -2,70 +2,15 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import disk, square
+from helpers.meshes import square
 from skfem import MeshTri
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 
 MU0 = 4e-7 * np.pi
 STEEL = Brauer(100.0, 10.0, 1.8)
 
 # --- the open boundary -------------------------------------------------------------------------------------------
-
-
-def cylinder(rings, rim=0.04):
-    """A magnet of 10 mm radius in a disk, `rim` a multiple of 10 mm."""
-    mesh = disk(rings, rim).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.99 * rim})
-    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < 0.01
-    return mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
-
-
-def test_a_dipole_sees_no_open_boundary():
-    """In free space a transverse cylinder has B = mu0 M / 2 inside and the field of a dipole outside."""
-    errors = []
-    for rings in (8, 16, 32):
-        mesh = cylinder(rings)
-        magnet = Material(remanence=(MU0 * 1e6, 0.0))
-        field = Magnetostatics({"magnet": magnet, "air": Material()}, open_boundary="outer", order=1).solve(mesh)
-        rim = np.unique(mesh.facets[:, mesh.boundaries["outer"]])
-        wanted = MU0 * 1e6 / 2 * 0.01**2 * mesh.p[1] / 0.04**2
-        errors.append(
-            [
-                abs(field.flux_density[0, mesh.subdomains["magnet"]].mean() / (MU0 * 1e6 / 2) - 1),
-                np.abs(field.potential - wanted)[rim].max() / wanted[rim].max(),
-            ]
-        )
-    assert np.all(np.array(errors[2]) < 0.005)
-    rates = -np.polyfit(np.log([8, 16, 32]), np.log(errors), 1)[0]
-    assert np.all((rates > 1.6) & (rates < 2.4))
-
-
-def test_an_open_boundary_removes_the_error_of_a_near_wall():
-    materials = {"magnet": Material(remanence=(MU0 * 1e6, 0.0)), "air": Material()}
-    mesh = cylinder(24)
-    walled, opened = (
-        Magnetostatics(materials, **condition).solve(mesh).flux_density[0, mesh.subdomains["magnet"]].mean()
-        for condition in ({"potential": {"outer": 0.0}}, {"open_boundary": "outer"})
-    )
-    exact = MU0 * 1e6 / 2
-    assert abs(opened / exact - 1) < 0.01 and abs(walled / exact - 1) > 0.05
-
-
-def test_an_open_boundary_around_iron_with_a_curve():
-    """Linear and saturated, the field is that of an open boundary three times as far away."""
-    law = Brauer(800.0, 10.0, 1.8)
-    mesh, far = cylinder(16), cylinder(48, 0.12)
-    for bh, permeability in ((None, 500.0), (law, 1.0)):
-        iron = Material(permeability, bh=bh, remanence=(1.5, 0.0))
-        materials = {"magnet": iron, "air": Material()}
-        opened = Magnetostatics(materials, open_boundary="outer").solve(mesh)
-        distant = Magnetostatics(materials, open_boundary="outer").solve(far)
-        inside, there = (np.hypot(*each.mesh.p) < 0.0401 for each in (opened, distant))
-        x = mesh.p[:, inside & (np.hypot(*mesh.p) > 0.011)]
-        np.testing.assert_allclose(
-            opened.potential_at(x), distant.potential_at(x), atol=0.002 * np.abs(distant.potential[there]).max()
-        )
 
 
 def test_an_open_boundary_beside_given_values():
@@ -154,19 +99,6 @@ def test_a_periodic_cell_stands_for_all():
     )
 
 
-def test_an_antiperiodic_cell_stands_for_two():
-    (one, of_one), (two, of_two) = row(1), row(1, -1)
-    half = Magnetostatics(of_one, {"bottom": 0.0, "top": 0.0}, antiperiodic=[("left", "right")])
-    whole = Magnetostatics(of_two, {"bottom": 0.0, "top": 0.0}, periodic=[("left", "right")])
-    field, double = half.solve(one), whole.solve(two)
-    largest = np.abs(field.potential).max()
-    for points, sign in ((POINTS, 1.0), (NEXT, -1.0)):
-        np.testing.assert_allclose(double.potential_at(points), sign * field.potential_at(POINTS), atol=1e-7 * largest)
-    # The jump across the sides is seen: each half has the indicators of the whole, the sides included.
-    ours, theirs = half.indicators(one, field), whole.indicators(two, double)
-    np.testing.assert_allclose(np.sort(np.tile(ours, 2)), np.sort(theirs), rtol=1e-5, atol=1e-7 * theirs.max())
-
-
 def test_a_cell_antiperiodic_both_ways_needs_no_given_value():
     (one, of_one), (two, of_two) = row(1), row(1, -1)
     single = Magnetostatics(of_one, antiperiodic=[("left", "right"), ("bottom", "top")]).solve(one)
@@ -224,21 +156,3 @@ def test_a_periodic_mesh_alone_leaves_the_constant():
         Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "right")]).solve(sheared)
     with pytest.raises(ValueError, match=r"periodic has 'side', which is no boundary of the mesh"):
         Magnetostatics(materials, {"top": 0.0}, periodic=[("left", "side")]).solve(mesh)
-
-
-def test_sides_are_not_given_but_signed_for_the_polish_and_stay_pairs():
-    mesh, materials = row(1)
-    linear = {
-        name: Material(each.permeability, each.remanence, each.current_density) for name, each in materials.items()
-    }
-    problem = Magnetostatics(linear, {"bottom": 0.0, "top": 0.0}, antiperiodic=[("left", "right")], order=1)
-    field = problem.solve(mesh)
-    ritz = problem.ritz(mesh, field)
-    assert np.array_equal(np.flatnonzero(ritz.fixed), np.flatnonzero((mesh.p[1] == 0) | (mesh.p[1] == 1)))
-    assert list(ritz.signs.values()) == [-1]
-    assert problem.pairs == (("left", "right"),)
-    result = ka.adapt(mesh, problem, passes=2, periodic=problem.pairs)
-    assert result.estimate < 0.9 * np.linalg.norm(problem.indicators(mesh, field))
-    sides = [np.unique(result.mesh.facets[:, result.mesh.boundaries[name]]) for name in ("left", "right")]
-    left, right = (side[np.argsort(result.mesh.p[1, side])] for side in sides)
-    np.testing.assert_array_equal(result.solution.potential[left], -result.solution.potential[right])

@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
-from scipy.special import ellipe, ellipk
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Coil, FluxLinkage, Force, MagneticScalarPotential, Material, Torque
@@ -20,7 +19,6 @@ HALF = np.array([0.0, 0.25, 0.5, 0.75, 1.1, 1.5, 2.0])
 T = np.r_[-HALF[:0:-1], HALF]
 RACETRACK = Coil.racetrack(ORIGIN, AXIS, 2.0, 1.6, 0.4, (0.2, 0.8), 1000.0)
 BLOCK = ((-0.5, -0.5, -0.25), (0.5, 0.5, 1.1))
-OUTER = ("x-", "x+", "y-", "y+", "z-", "z+")
 
 
 def box(x=T, y=T, z=T, block=BLOCK):
@@ -51,15 +49,6 @@ def test_the_inductance_of_a_brooks_coil():
     """1.6994e-6 H/m times the mean radius: Grover, Inductance Calculations, 1946; the section is square."""
     coil = Coil.circular(ORIGIN, (0.0, 1.0, 1.0), 0.75, (0.5, 0.5), 3.0)
     assert in_air(coil).inductance("winding", turns=100) == pytest.approx(1.6994e-6 * 0.75 * 100**2, rel=3e-5)
-
-
-@pytest.mark.parametrize("height", [0.5, 3.0])
-def test_the_inductance_of_a_current_sheet(height):
-    """Lorenz's formula of a thin solenoid."""
-    k2 = 4.0 / (4.0 + height**2)
-    closed = ((2.0 * k2 - 1.0) * ellipe(k2) + (1.0 - k2) * ellipk(k2)) / k2**1.5 - 1.0
-    field = in_air(Coil.circular(ORIGIN, AXIS, 1.0, (1e-4, height), 1000.0))
-    assert field.inductance("winding") == pytest.approx(8.0 / 3.0 * MU0 / height**2 * closed, rel=1e-4)
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
@@ -163,24 +152,6 @@ def test_planes_of_symmetry_leave_a_part_of_the_coil():
         problem(magnet, coils, potential=far, symmetry=planes, goal=Force("winding", (1.0, 0.0, 0.0))).check(mesh)
 
 
-def test_a_plane_between_a_coil_and_its_image():
-    magnet, side = Material(remanence=(0.0, 0.0, 1.0)), np.array([0.0, 0.25, 0.5, 1.0, 2.0])
-    coils = {
-        name: Coil.circular((x, 0.0, 0.0), AXIS, 0.3, (0.1, 0.2), 1e5) for name, x in (("one", 1.2), ("image", -1.2))
-    }
-    block = ((-0.5, -0.5, -0.5), (0.5, 0.0, 0.0))
-    whole = problem(magnet, coils).solve(box(np.r_[-side[:0:-1], side], side - 1.0, side - 1.0, block))
-    far = dict.fromkeys(OUTER[1:], 0.0)
-    half = problem(magnet, coils, potential=far, symmetry={"x-": "parallel"}).solve(
-        box(side, side - 1.0, side - 1.0, ((0.0, *block[0][1:]), block[1]))
-    )
-    assert half.flux_linkage("one") == pytest.approx(whole.flux_linkage("one"), rel=5e-4)
-    force = whole.force("one")
-    np.testing.assert_allclose(half.force("one"), force, atol=2e-3 * np.abs(force).max())
-    with pytest.raises(ValueError, match=r"^the coil 'image' is beyond a plane of symmetry; name its image in"):
-        half.force("image")
-
-
 # --- beside iron -------------------------------------------------------------------------------------------------
 
 
@@ -192,31 +163,6 @@ def fields():
 @pytest.fixture(scope="module")
 def beside_iron(fields):
     return fields[2]
-
-
-def test_linkage_times_current_is_twice_the_energy(beside_iron):
-    """The energy beyond the mesh is that of the coil alone."""
-    energy = 2.0 * beside_iron.energy + beyond(beside_iron.mesh, RACETRACK)
-    assert 1000.0 * beside_iron.flux_linkage("winding") == pytest.approx(energy, rel=5e-3)
-
-
-def beyond(mesh, coil):
-    """``int mu0 Hs^2`` outside a mesh around the origin, by cones over its outer facets."""
-    corners = mesh.p[:, mesh.facets[:, mesh.boundary_facets()]]
-    a, b, c = np.moveaxis(corners, 1, 0)
-    size = np.abs(np.sum(np.cross(b - a, c - a, axis=0) * a, axis=0)) / 2.0
-    u, weight = np.polynomial.legendre.leggauss(6)
-    u, weight, total = 0.5 * (1.0 + u), 0.5 * weight, 0.0
-    for inner in (np.array([4.0, 1.0, 1.0]), np.array([1.0, 4.0, 1.0]), np.array([1.0, 1.0, 4.0])):
-        x = np.einsum("i,cin->cn", inner / 6.0, corners)
-        for fraction, w in zip(u, weight, strict=True):
-            total += w / fraction**4 * np.sum(size / 3.0 * np.sum(coil.field_strength(x / fraction) ** 2, axis=0))
-    return MU0 * total
-
-
-def test_action_is_reaction(beside_iron):
-    force = beside_iron.force("winding")
-    np.testing.assert_allclose(beside_iron.force("block"), -force, atol=0.05 * np.abs(force).max())
 
 
 GOALS = [

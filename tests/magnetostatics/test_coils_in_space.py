@@ -62,33 +62,6 @@ def test_the_distance_of_a_winding_is_a_lower_bound(name):
     np.testing.assert_allclose(winding.distance(winding.samples), 0.0, atol=chord)
 
 
-@pytest.mark.parametrize("name", COILS)
-def test_circulations_are_ampere_turns(name):
-    """Around the section; around a part of the section its part of the current; around the bore nothing."""
-    coil = COILS[name]
-    half, winding = np.array([coil.width, coil.height]) / 2.0, coil.winding
-    bar_or_arc = winding.offset_path(0.0)
-    start, end = bar_or_arc[:2] if winding.bars else bar_or_arc[:1].repeat(2, axis=0)
-    point = 0.5 * (start + end)
-    inward = 1j * (end - start) if winding.bars else -point
-    inward = inward / np.abs(inward)
-    gauss, weight = np.polynomial.legendre.leggauss(40)
-
-    def circulation(low, high):
-        total, corners = 0.0, [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-        for (s, z), (t, w) in zip(corners, corners[1:] + corners[:1], strict=True):
-            ends = winding.in_space(np.array([point + s * inward, point + t * inward]), 0.0)
-            ends = ends + np.outer(winding.frame[2], (z, w))
-            edge = ends[:, 1] - ends[:, 0]
-            x = ends[:, :1] + 0.5 * (1.0 + gauss) * edge[:, None]
-            total += 0.5 * weight @ (edge @ coil.field_strength(x))
-        return total
-
-    assert circulation(-1.3 * half, 1.3 * half) == pytest.approx(coil.ampere_turns, rel=3e-4)
-    assert circulation(-0.5 * half, 0.5 * half) == pytest.approx(coil.ampere_turns / 4.0, rel=3e-4)
-    assert circulation(1.2 * half, 1.6 * half) == pytest.approx(0.0, abs=3e-4 * abs(coil.ampere_turns))
-
-
 def test_on_the_axis_of_a_thick_solenoid():
     """Closed form of a winding with uniform current density, Montgomery, Solenoid Magnet Design (1969)."""
     coil, inner, outer, length = COILS["circular"], 0.01, 0.03, 0.04
@@ -99,42 +72,6 @@ def test_on_the_axis_of_a_thick_solenoid():
     exact = 1000.0 / (2.0 * length * (outer - inner)) * (above - below)
     np.testing.assert_allclose(field[2], exact, rtol=1e-9)
     assert np.abs(field[:2]).max() < 1e-9 * exact.max()
-
-
-@pytest.mark.parametrize("name", COILS)
-def test_filaments_of_magpylib(name):
-    """A bundle of 4 x 12 thin wires at a distance of half the width and more."""
-    magpylib = pytest.importorskip("magpylib")
-    coil, x = COILS[name], points_near(COILS[name], 200, seed=1)
-    far = [~coil.contains(x + 0.5 * coil.width * u[:, None]) for u in np.random.default_rng(2).normal(size=(300, 3))
-           for u in [u / np.linalg.norm(u)]]  # fmt: skip
-    x, found = x[:, np.all(far, axis=0)], 0.0
-    assert x.shape[1] > 20
-    gauss, weight = np.polynomial.legendre.leggauss(4)
-    heights, height_weight = np.polynomial.legendre.leggauss(12)
-    for s, share in zip(gauss, weight, strict=True):
-        line = coil.winding.offset_path(0.5 * s * coil.width)
-        for z, part in zip(heights, height_weight, strict=True):
-            wire = coil.winding.in_space(line, 0.5 * z * coil.height).T
-            wire = magpylib.current.Polyline(
-                current=coil.ampere_turns * share * part / 4.0, vertices=np.vstack((wire, wire[:1]))
-            )
-            found = found + wire.getH(x.T).T
-    exact = coil.field_strength(x)
-    # Chords of 6 degrees lose 5e-4 of the area of an arc.
-    tolerance = 5e-4 if not coil.winding.arcs else 3e-3
-    assert np.abs(found - exact).max() < tolerance * np.abs(exact).max()
-
-
-def test_a_polygon_of_many_sides_is_a_circle():
-    angle = 2.0 * np.pi * np.arange(240) / 240
-    circle = COILS["circular"]
-    # Of the same area.
-    radius = 0.02 / np.sqrt(np.sin(2.0 * np.pi / 240) / (2.0 * np.pi / 240))
-    polygon = Coil(np.stack((radius * np.cos(angle), radius * np.sin(angle), 0.01 + 0.0 * angle)), 0.02, 0.04, 1000.0)
-    x = points_near(circle, 200)
-    exact = circle.field_strength(x)
-    assert np.abs(polygon.field_strength(x) - exact).max() < 3e-4 * np.abs(exact).max()
 
 
 def test_a_field_is_finite_on_the_winding():

@@ -10,7 +10,7 @@ from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 from kohonen_adapt import find_elements
-from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_torque
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
 from kohonen_adapt.mesh.measures import area
 
@@ -144,22 +144,6 @@ def test_the_torque_of_a_uniform_field_on_a_round_magnet(order):
     assert field.torque("magnet") == pytest.approx(wanted, rel=2e-3)
     assert abs(field.force("magnet")[0]) < 1e-3 * wanted and abs(field.force("magnet")[1]) < 1e-3 * wanted
     assert field.potential_at([[0.0], [0.9]])[0] == pytest.approx(0.5 * INNER**2 / 0.9, rel=2e-3)
-
-
-def test_a_current_in_a_round_wire():
-    """Energy, linkage, Lorentz's and Arkkio's torques where everything but the outline is held exactly."""
-    mesh = round_mesh(5)
-    problem = Magnetostatics({"magnet": Material(), "air": Material()}, {"outer": 0.0}, ampere_turns={"magnet": 1.0})
-    curved, chords = (
-        Magnetostatics(problem.materials, {"outer": 0.0}, ampere_turns={"magnet": 1.0}, order=2).solve(each)
-        for each in (mesh, round_mesh(5, curved=False))
-    )
-    wanted = MU0 / (4 * np.pi) * (np.log(OUTER / INNER) + 0.25)
-    assert curved.energy == pytest.approx(wanted, rel=3e-4) and chords.energy != pytest.approx(wanted, rel=3e-3)
-    assert curved.flux_linkage("magnet") == pytest.approx(2 * wanted, rel=3e-4)
-    assert curved.current_density.max() == pytest.approx(1.0 / (np.pi * INNER**2), rel=3e-4)
-    assert lorentz_torque(curved, "magnet") == pytest.approx(0.0, abs=1e-12)
-    assert arkkio_torque(curved, "air") == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize(("order", "steps"), [(2, 0), (2, -5), (3, 9)])

@@ -9,8 +9,6 @@ import pytest
 from helpers.devices import (
     AIR,
     CIRCUIT,
-    MAGNET_HALF,
-    PLACES,
     STEEL,
     TURNS,
     actuator,
@@ -23,7 +21,6 @@ from helpers.devices import (
     two_magnets,
 )
 from helpers.examples import examples
-from helpers.sheets import rectangle_force
 from helpers.tensor_meshes import box, disk, equal_rings
 from hypothesis import given
 from hypothesis import strategies as st
@@ -128,16 +125,6 @@ def test_the_dual_tells_what_a_current_does_to_the_goal(case, order):
     assert load @ dual == pytest.approx(0.5 * (value(1.0) - value(-1.0)), rel=1e-4)
 
 
-def test_the_goal_of_a_linear_problem_is_the_dual_times_its_source():
-    """J(A) = int J_current z: reciprocity, where A = 0 around."""
-    mesh, problem = actuator()
-    problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
-    field, goal = problem.solve(mesh), FluxLinkage(CIRCUIT)
-    dual = dual_of(problem, field, goal.derivative(field)).values
-    load = field.elements.loads(field.current_density, np.zeros((2, mesh.t.shape[1])))
-    assert load @ dual == pytest.approx(goal(field), rel=1e-9)
-
-
 def test_where_the_goal_is_the_load_the_indicators_are_those_of_the_energy():
     """The linkage of the coil that makes the field: the dual is the field, and the error of one sign."""
     mesh, problem = actuator(depth=None)
@@ -226,20 +213,6 @@ def errors(mesh, problem, goal, exact, seeds=5):
 
 
 PULL = Force("b", (1, 0))
-PULL_EXACT = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[0]
-
-
-@pytest.mark.slow
-def test_the_force_is_more_exact_with_the_goal():
-    """Two magnets: about a tenth of the error at 357 and 1353 nodes, which falls at least like 1 / N."""
-    nodes, found = [], []
-    for k in (1, 2):
-        mesh, problem = two_magnets(k)
-        nodes.append(mesh.p.shape[1])
-        found.append(errors(mesh, problem, PULL, PULL_EXACT))
-    energy, goal = np.array(found).T
-    assert np.all(goal < energy / 4)
-    assert -np.polyfit(np.log(nodes), np.log(goal), 1)[0] > 1.0
 
 
 @pytest.mark.slow
@@ -256,22 +229,6 @@ def test_the_goal_is_nearer_at_the_same_number_of_nodes(case, goal, exact):
     """289 nodes, 7 times, and 2091 nodes, 26 times."""
     energy, wanted = errors(*case(), goal, exact, 3)
     assert wanted < energy / 3
-
-
-@pytest.mark.slow
-def test_order_2_is_nearer_for_the_goal_than_for_the_energy_and_than_order_1_with_as_many_unknowns():
-    """Two magnets, 357 nodes: 5 to 7 times, and 1.2 to 3 times the 1353 of order 1, whose errors change their sign."""
-    energy, by_order_2 = errors(two_magnets(1)[0], replace(two_magnets(1)[1], order=2), PULL, PULL_EXACT, 3)
-    _, by_order_1 = errors(*two_magnets(2), PULL, PULL_EXACT, 3)
-    assert by_order_2 < min(energy / 3, by_order_1)
-
-
-def test_the_error_of_the_goal_is_told_with_its_sign():
-    mesh, problem = two_magnets(2)
-    problem = replace(problem, goal=Force("b", (0, 1)))
-    result = ka.adapt(mesh, problem)
-    missing = rectangle_force(PLACES["b"], PLACES["a"], MAGNET_HALF)[1] - problem.goal(result.solution)
-    assert problem.goal_error(result.solution) == pytest.approx(missing, rel=0.25)
 
 
 @pytest.mark.parametrize(

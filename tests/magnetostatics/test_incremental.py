@@ -70,17 +70,3 @@ def test_with_antiperiodic_sides_it_counts_the_pole():
     values = [linkage(at(current).solve(mesh)) for current in (9995.0, 10005.0)]
     found = at(1e4).incremental_inductance(at(1e4).solve(mesh), turns)
     assert found == pytest.approx(np.diff(values)[0] / 10.0, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("circuit", "message"),
-    [
-        ("go", r"^circuit must map subdomains to turns, for instance \{'coil': 100\}; got 'go'\.$"),
-        ({"go": np.nan}, r"^turns of 'go' must be a finite number other than 0; got nan\.$"),
-        ({"coil": 1}, r"^subdomain 'coil' is not in the mesh; it has 'air', 'back', 'bar', 'go'\.$"),
-    ],
-)
-def test_circuits_that_are_none(circuit, message):
-    mesh, problem = actuator()
-    with pytest.raises(ValueError, match=message):
-        problem.incremental_inductance(problem.solve(mesh), circuit)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from helpers.exact_fields import (
     LAYERS,
-    MAGNETISATION,
     RECTANGLE,
     random_mesh,
     rectangle_mesh,
@@ -16,9 +15,7 @@ from helpers.sheets import MU0
 from helpers.tensor_meshes import everywhere
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 
-from kohonen_adapt import estimators
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.magnetostatics.estimation import RESIDUAL_SCALE
 from kohonen_adapt.mesh.measures import area
 
 
@@ -52,61 +49,6 @@ def ring_mesh(rings):
     """A disk of `rings` rings of 6 k nodes, the magnet's circle one of them."""
     mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
     return mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
-
-
-def cylinder_field(mesh):
-    """A = c y in the magnet, d y (1 / r^2 - 1 / R^2) around it; each element of the polygons by its own formula."""
-    d = 0.5 * MU0 * MAGNETISATION * INNER**2
-    magnet = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["magnet"])[:, None]
-
-    def exact(x):
-        square = np.maximum(np.sum(x**2, axis=0), 1e-12)
-        along_y = np.where(
-            magnet, d * (1 / INNER**2 - 1 / OUTER**2), d * (1 / square - 1 / OUTER**2 - 2 * x[1] ** 2 / square**2)
-        )
-        along_x = np.where(magnet, 0.0, -2 * d * x[0] * x[1] / square**2)
-        return np.stack((along_y, -along_x))
-
-    return exact
-
-
-CYLINDER = Magnetostatics(
-    {"magnet": Material(remanence=(MU0 * MAGNETISATION, 0.0)), "air": Material()}, potential={"outer": 0.0}, order=1
-)
-
-
-def energy_in(mesh, field, name):
-    density = 0.5 * np.sum(field.field_strength * (field.flux_density - field.remanence), axis=0)
-    return np.sum((area(mesh) * density)[mesh.subdomains[name]])
-
-
-def test_cylinder_in_a_disk_converges_to_its_exact_field_and_energies():
-    rings, errors, totals = (8, 16, 32), [], []
-    for number in rings:
-        mesh = ring_mesh(number)
-        field = CYLINDER.solve(mesh)
-        errors.append(true_error(mesh, field, cylinder_field(mesh)))
-        inside = field.flux_density[:, mesh.subdomains["magnet"]].mean(axis=1)
-        half_norm = 0.5 * CYLINDER.energy_norm(mesh, field) ** 2
-        totals.append([inside[0], half_norm, field.energy, energy_in(mesh, field, "air")])
-        assert abs(inside[1]) < 1e-12
-    assert 0.96 < -rate(rings, errors) < 1.04
-    exact = np.array([0.5890486225, 92.5275412602, 104.8645, 49.1552])
-    distance = np.abs(np.array(totals) - exact) / exact
-    assert np.all(distance[2] < [0.004, 0.007, 0.0003, 0.004])
-    assert all(1.7 < -rate(rings, column) < 2.3 for column in distance[:, [0, 1, 3]].T)
-    # The totals are quadratic in 1 / rings (the circles are polygons, too): extrapolated, they meet the exact ones.
-    np.testing.assert_allclose((4 * np.array(totals[2]) - totals[1]) / 3, exact, rtol=5e-4)
-
-
-@pytest.mark.parametrize("rings", [16, 32])
-def test_estimates_of_the_cylinder_are_near_its_error(rings):
-    mesh = ring_mesh(rings)
-    field = CYLINDER.solve(mesh)
-    error = true_error(mesh, field, cylinder_field(mesh))
-    assert 0.9 < overrating(CYLINDER, mesh, field, error) < 1.1
-    assert 0.95 < overrating(with_estimator(CYLINDER, "recovery"), mesh, field, error) < 1.05
-    assert 1.0 < overrating(with_estimator(CYLINDER, "equilibrated"), mesh, field, error) < 1.1
 
 
 # --- exact: a rectangle magnet in free space ---------------------------------------------------------------------
@@ -147,19 +89,6 @@ def test_layers_side_by_side_share_one_field_strength(estimator):
         np.testing.assert_allclose(field.flux_density[1, mesh.subdomains[name]], wanted, rtol=1e-9)
     assert field.energy == pytest.approx(0.5 * 3 * strength * (2.5 - 1.2), rel=1e-9)
     assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-7 * problem.energy_norm(mesh, field)
-
-
-def test_layers_in_a_row_share_one_flux_density():
-    """Flux along x through one layer after the other, its potential a callable of x: B_x is the same in each."""
-    mesh = random_mesh()
-    row = LAYERS | {"magnet": Material(1.05, remanence=(0.5, 0.0))}
-    field = Magnetostatics(row, dict.fromkeys(mesh.boundaries, lambda x: 0.8 * x[1])).solve(mesh)
-    np.testing.assert_allclose(field.flux_density, np.array([[0.8], [0.0]]) * np.ones(mesh.t.shape[1]), atol=1e-12)
-    for name, strength in {"iron": 0.8 / (1000 * MU0), "magnet": 0.3 / (1.05 * MU0), "air": 0.8 / MU0}.items():
-        np.testing.assert_allclose(field.field_strength[0, mesh.subdomains[name]], strength, rtol=1e-9)
-    points = np.random.default_rng(1).uniform(0, 3, (2, 50))
-    np.testing.assert_allclose(field.potential_at(points), 0.8 * points[1], atol=1e-12)
-    np.testing.assert_allclose(field.flux_density_at(points)[0], 0.8, atol=1e-12)
 
 
 def test_outside_the_mesh_is_nan():
@@ -208,18 +137,6 @@ def test_signs_follow_the_right_hand():
     assert field.potential_at([[0.0], [0.0]])[0] == pytest.approx(1e-7 * current * (1 + 2 * np.log(4)), rel=0.01)
     field = Magnetostatics(LAYERS, potential={"left": 0.0, "right": 0.0}).solve(random_mesh())
     assert np.all(field.flux_density[1, random_mesh().subdomains["magnet"]] > 0.0)
-
-
-def test_indicators_are_those_of_the_estimators_package():
-    mesh, problem = random_mesh(), loaded()
-    field = problem.solve(mesh)
-    nu, (right, up) = field.reluctivity, field.remanence
-    source = np.where(np.isin(np.arange(nu.size), mesh.subdomains["air"]), 2e6, 0.0)
-    arguments = {"source": source, "flux": nu * np.stack((-up, right))}
-    bare = estimators.residual(mesh, field.potential, nu, **arguments)
-    np.testing.assert_allclose(problem.indicators(mesh, field), RESIDUAL_SCALE * bare, rtol=1e-12)
-    recovered = estimators.recovery(mesh, field.potential, nu, **arguments)
-    np.testing.assert_allclose(with_estimator(problem, "recovery").indicators(mesh, field), recovered, rtol=1e-12)
 
 
 def test_solving_changes_nothing_and_repeats_bit_for_bit():

@@ -154,25 +154,6 @@ def test_a_closed_ring_around_a_wire_takes_its_flux():
     assert 0.0 < gaps[1] < 0.5 * gaps[0]
 
 
-@pytest.mark.parametrize("kind", ["parallel", "normal"])
-def test_half_a_model_has_half_the_energy_of_its_mirrored_mesh(kind):
-    half = box(4)
-    p, n = half.p, half.p.shape[1]
-    on_plane = p[0] == 0.0
-    image = np.where(on_plane, np.arange(n), n + np.cumsum(~on_plane) - 1)
-    mirrored = p[:, ~on_plane] * np.array([[-1.0], [1.0], [1.0]])
-    both = MeshTet(np.hstack((p, mirrored)), np.hstack((half.t, image[half.t])))
-    along = (0.0, 0.0, 1.0) if kind == "parallel" else (1.0, 0.0, 0.0)
-    energies = []
-    for mesh, symmetry in ((half, {"x": kind}), (both, None)):
-        mesh = mesh.with_subdomains({"magnet": lambda x: np.all(np.abs(x - [[0.0], [0.5], [0.5]]) < 0.26, axis=0)})
-        mesh = mesh.with_subdomains({"air": np.setdiff1d(np.arange(mesh.nelements), mesh.subdomains["magnet"])})
-        mesh = mesh.with_boundaries({"x": lambda x: x[0] == 0.0, "top": lambda x: x[2] == 1.0})
-        materials = {"magnet": Material(remanence=along), "air": AIR}
-        energies.append(MagneticVectorPotential(materials, {"top": 0.0}, symmetry=symmetry).solve(mesh).energy)
-    assert np.isclose(2.0 * energies[0], energies[1], rtol=1e-9)
-
-
 def test_all_preconditioners_give_the_same_field(magnets, monkeypatch):
     pytest.importorskip("pyamg")
 
