@@ -14,7 +14,6 @@ from helpers.worlds import without_matplotlib
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.arguments import command_parser
-from kohonen_adapt.magnetostatics import Magnetostatics
 
 ROOT = Path(__file__).parents[2]
 
@@ -159,22 +158,13 @@ def test_no_traceback_for_a_folder_that_cannot_be(tmp_path):
     assert done.stdout == "" and one_line(done.stderr)
 
 
+@pytest.mark.slow
 def test_a_missing_example(tmp_path):
     shutil.copytree(ROOT / "kohonen_adapt", tmp_path / "kohonen_adapt", ignore=shutil.ignore_patterns("__pycache__"))
     done = run("demo", "magnet", "--out", tmp_path / "out", PYTHONPATH=str(tmp_path), PYTHONSAFEPATH="1")
     assert done.returncode == 2
     expected = f"is missing in {tmp_path / 'kohonen_adapt' / 'data'}. Install kohonen-adapt again."
     assert done.stderr == f"kohonen-adapt: the example 'magnet.toml' {expected}\n"
-
-
-def test_a_problem_that_fails_on_the_way(tmp_path, capsys, monkeypatch):
-    def solve_from(self, *given, order=None):
-        raise RuntimeError("no second time")
-
-    monkeypatch.setattr(Magnetostatics, "solve_from", solve_from)
-    assert cli.main(["demo", "magnet", "--out", str(tmp_path)]) == 1
-    assert "no second time" in capsys.readouterr().out
-    assert (tmp_path / "magnet.vtu").exists()
 
 
 def test_the_command_is_installed():

@@ -98,7 +98,7 @@ def test_a_mesh_without_names_says_what_it_lacks():
     assert tomllib.loads(text)["potential"] == {"rim": 0.0}
 
 
-@examples(100)
+@examples(40)
 @given(st.text(min_size=1), st.text(min_size=1), st.text(min_size=1))
 def test_any_name_comes_back(subdomain, boundary, file):
     if subdomain.startswith("gmsh:") or boundary.startswith("gmsh:"):

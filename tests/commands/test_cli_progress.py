@@ -6,11 +6,10 @@ import os
 import pty
 import re
 import struct
-import subprocess
-import sys
 import termios
 import threading
 import warnings
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import numpy as np
@@ -22,42 +21,47 @@ from kohonen_adapt.commands.terminal import Terminal
 
 ROOT = Path(__file__).parents[2]
 
-SCRIPT = """
-import logging, sys, warnings
-from kohonen_adapt.commands.terminal import Terminal
 
-terminal = Terminal(quiet="--quiet" in sys.argv)
-logging.basicConfig(format="%(message)s", handlers=[terminal])
-warnings.showwarning = terminal.warn
-
-terminal.show("pass 1 of 4: relocate, 899 nodes")
-terminal.show("pass 1 of 4: solve")
-terminal.say("a line")
-terminal.show("x" * 200)
-logging.warning("a remark")
-warnings.warn("mind this")
-terminal.show("pass 2 of 4: polish")
-terminal.say("the end")
-"""
-
-
-def on_a_terminal(*arguments, stdout=None):
-    """What a process of Python writes to a terminal of 100 columns, and its return code."""
+@contextmanager
+def a_terminal(stdout=None):
+    """What is written to a terminal of 100 columns within, as a function; with another stdout, to that instead."""
     ours, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
-    process = subprocess.Popen(
-        [sys.executable, *map(str, arguments)], stdin=its, stdout=stdout or its, stderr=its, env=environment
-    )
-    os.close(its)
-    written = b""
-    try:
-        while piece := os.read(ours, 4096):
-            written += piece
-    except OSError:  # the other end is closed
-        pass
+    attributes = termios.tcgetattr(its)
+    attributes[1] &= ~termios.OPOST  # a new line without the return of a carriage
+    termios.tcsetattr(its, termios.TCSANOW, attributes)
+    pieces = list[bytes]()
+
+    def read():
+        try:
+            while piece := os.read(ours, 4096):
+                pieces.append(piece)
+        except OSError:  # the other end is closed
+            pass
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    with os.fdopen(its, "w", encoding="utf-8") as screen, redirect_stdout(stdout or screen), redirect_stderr(screen):
+        yield lambda: b"".join(pieces).decode()
+    reader.join()
     os.close(ours)
-    return written.decode(), process.wait(60)
+
+
+def steps_and_lines(quiet=False):
+    """Steps, lines, a remark and a warning by turns."""
+    terminal, logger = Terminal(quiet), logging.getLogger("kohonen_adapt.tests")
+    logger.addHandler(terminal)
+    with warnings.catch_warnings():
+        warnings.showwarning = terminal.warn
+        terminal.show("pass 1 of 4: relocate, 899 nodes")
+        terminal.show("pass 1 of 4: solve")
+        terminal.say("a line")
+        terminal.show("x" * 200)
+        logger.warning("a remark")
+        warnings.warn("mind this", stacklevel=1)
+        terminal.show("pass 2 of 4: polish")
+        terminal.say("the end")
+    logger.removeHandler(terminal)
 
 
 def lines_left(written):
@@ -66,27 +70,22 @@ def lines_left(written):
 
 
 def test_steps_are_shown_below_the_lines_and_give_way_to_them():
-    written, code = on_a_terminal("-c", SCRIPT)
-    assert code == 0
-    assert written.startswith("\rpass 1 of 4: relocate, 899 nodes\rpass 1 of 4: solve              \r")
-    assert f"\r{99 * 'x'}\r" in written  # what is wider than the terminal would take another line
-    assert lines_left(written) == [["a line"], ["a remark"], ["kohonen-adapt: warning: mind this"], ["the end"], []]
+    with a_terminal() as written:
+        steps_and_lines()
+    assert written().startswith("\rpass 1 of 4: relocate, 899 nodes\rpass 1 of 4: solve              \r")
+    assert f"\r{99 * 'x'}\r" in written()  # what is wider than the terminal would take another line
+    assert lines_left(written()) == [["a line"], ["a remark"], ["kohonen-adapt: warning: mind this"], ["the end"], []]
 
 
 def test_quiet_on_a_terminal():
-    written, _ = on_a_terminal("-c", SCRIPT, "--quiet")
-    assert written.replace("\r", "") == "a remark\nkohonen-adapt: warning: mind this\n"
+    with a_terminal() as written:
+        steps_and_lines(quiet=True)
+    assert written().replace("\r", "") == "a remark\nkohonen-adapt: warning: mind this\n"
 
 
-def test_nothing_is_drawn_where_nobody_looks():
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
-        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    assert (done.stdout, done.stderr) == (
-        "a line\nthe end\n",
-        "a remark\nkohonen-adapt: warning: mind this\n",
-    )
+def test_nothing_is_drawn_where_nobody_looks(capsys):
+    steps_and_lines()
+    assert capsys.readouterr() == ("a line\nthe end\n", "a remark\nkohonen-adapt: warning: mind this\n")
 
 
 CASE = """
@@ -114,10 +113,10 @@ def case(tmp_path):
 
 def shown_by(*arguments, stdout=None):
     """The steps that a command shows on a terminal, in order, each once, what it knows then, and all that is there."""
-    written, code = on_a_terminal("-m", "kohonen_adapt", *arguments, stdout=stdout)
-    assert code == 0 and "Traceback" not in written, written
-    shown = re.findall(r"\r((?:pass \d of \d+: )?[a-z ]*[a-z])(?:, (.*?))? *(?=\r)", written)
-    return list(dict.fromkeys(step for step, _ in shown)), [known for _, known in shown], written
+    with a_terminal(stdout) as written:
+        assert cli.main(list(map(str, arguments))) == 0
+    shown = re.findall(r"\r((?:pass \d of \d+: )?[a-z ]*[a-z])(?:, (.*?))? *(?=\r)", written())
+    return list(dict.fromkeys(step for step, _ in shown)), [known for _, known in shown], written()
 
 
 STEPS = ["relocate", "polish", "solve", "estimate"]
@@ -162,15 +161,3 @@ def test_a_command_within_a_thread(capsys):
     thread.join()
     assert codes == [2]
     assert "there is no file 'none.toml'" in capsys.readouterr().err
-
-
-def test_remarks_and_warnings_are_lines(capsys):
-    logger, terminal = logging.getLogger("kohonen_adapt.tests"), Terminal()
-    logger.addHandler(terminal)
-    logger.warning("a remark")
-    logger.removeHandler(terminal)
-    with warnings.catch_warnings():
-        warnings.showwarning = terminal.warn
-        warnings.warn("mind this", stacklevel=1)
-    captured = capsys.readouterr()
-    assert captured.out == "" and captured.err == "a remark\nkohonen-adapt: warning: mind this\n"

@@ -52,6 +52,16 @@ def run(case, *arguments):
     return cli.main(["run", str(case), *map(str, arguments), "--quiet"])
 
 
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory):
+    """The folder of the run of the case that nothing interrupts; only to be looked at."""
+    folder = tmp_path_factory.mktemp("straight")
+    with pytest.MonkeyPatch.context() as patched:
+        without_matplotlib(patched)
+        assert run(case_in(folder, inset(8)), "--out", folder / "out") == 0
+    return folder / "out"
+
+
 def history(folder):
     """The rows of the table of passes, without times."""
     with (folder / "history.csv").open(newline="") as stream:
@@ -130,7 +140,7 @@ Magnetostatics.solve_from = solve_from
 """
 
 
-def test_a_loop_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
+def test_a_loop_that_hears_of_nothing_ends_at_once(case, straight, tmp_path, begin):
     out = tmp_path / "out"
     process = begin("run", case, "--out", out, code=STUBBORN + PLAIN_COMMAND)
     first, *_ = wait_for_line(process, "stubborn")
@@ -141,8 +151,7 @@ def test_a_loop_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     assert_whole(out)
     assert len(history(out)) == 1
     assert run(case, "--resume", out) == 0
-    assert run(case, "--out", tmp_path / "straight") == 0
-    assert_same_results(out, tmp_path / "straight")
+    assert_same_results(out, straight)
 
 
 @pytest.mark.slow
@@ -177,7 +186,8 @@ def test_interrupted_before_the_first_pass(case, tmp_path, begin):
 STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
 
 
-@pytest.mark.parametrize("option", [pytest.param("--out", marks=pytest.mark.slow), "--resume"])
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["--out", "--resume"])
 def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, begin):
     assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
@@ -263,7 +273,7 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("name", ["adapted.msh", "adapted.vtu", "history.csv", "pass-0001.npz", "ended.txt"])
-def test_a_full_disk_leaves_old_files_as_they_were(name, case, tmp_path, monkeypatch, capsys):
+def test_a_full_disk_leaves_old_files_as_they_were(name, case, straight, tmp_path, monkeypatch, capsys):
     """The disk is full when the file of that name is to be written after the second pass."""
     out, replace, before = tmp_path / "out", os.replace, {}
 
@@ -283,8 +293,7 @@ def test_a_full_disk_leaves_old_files_as_they_were(name, case, tmp_path, monkeyp
         before.update({file: file.read_bytes() for file in out.iterdir() if file.is_file()})
     assert contents(out) == before and not drafts(out)
     assert run(case, "--resume", out) == 0
-    assert run(case, "--out", tmp_path / "straight") == 0
-    assert_same_results(out, tmp_path / "straight")
+    assert_same_results(out, straight)
 
 
 def test_a_file_that_breaks_off(case, tmp_path):

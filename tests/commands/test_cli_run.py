@@ -140,11 +140,12 @@ def test_the_fields_of_a_run_go_with_its_mesh_once_more(finished, tmp_path, caps
     assert capsys.readouterr().err.endswith("scale must be a finite number > 0; got 0.0.\n")
 
 
-def test_quiet_says_nothing(case, tmp_path, capfd):
+def test_quiet_says_nothing(case, tmp_path, capfd, monkeypatch):
+    without_matplotlib(monkeypatch)
     case.write_text(CASE.replace("passes = 2", "passes = 0"))
     assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
     assert capfd.readouterr().out == ""
-    assert names_in(tmp_path / "out") == FILES
+    assert "report.html" in names_in(tmp_path / "out")
 
 
 def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch):

@@ -9,9 +9,9 @@ import sys
 
 import numpy as np
 import pytest
+from helpers.cases import without_processes
 from helpers.meshes import inset
 from helpers.processes import alive, wait_until
-from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
@@ -37,7 +37,7 @@ quantity = "force"
 body = "core"
 component = "y"
 """
-OVER = ["--over", "materials.core.permeability=10:1000:3", "--over", "materials.core.current_density=0:1e6:2"]
+OVER = ["--over", "materials.core.permeability=10:1000:2", "--over", "materials.core.current_density=0:1e6:2"]
 
 
 @pytest.fixture
@@ -47,6 +47,11 @@ def case(tmp_path):
     ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
     (tmp_path / "case.toml").write_text(CASE)
     return tmp_path / "case.toml"
+
+
+@pytest.fixture
+def here(monkeypatch):
+    without_processes(monkeypatch)
 
 
 def sweep(case, *arguments):
@@ -70,7 +75,7 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
     ]
     assert {row["status"] for row in table} == {"max_passes"} and not any(row["missed"] for row in table)
     values = [tuple(float(row[name]) for name in list(row)[:2]) for row in table]
-    assert values == [(mu, j) for mu in (10.0, 505.0, 1000.0) for j in (0.0, 1e6)]
+    assert values == [(mu, j) for mu in (10.0, 1000.0) for j in (0.0, 1e6)]
     (tmp_path / "last.toml").write_text(CASE.replace("current_density = 0.0", "current_density = 1e6"))
     last = read_case(tmp_path / "last.toml")
     result = ka.adapt(fitting_mesh(last), last.problem, outputs=last.labelled_outputs, **last.adapt)
@@ -82,7 +87,7 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
     assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.json, sweep.png.\n")
 
 
-def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
+def test_a_case_with_an_error_ends_no_sweep(case, here, tmp_path, capsys):
     """A negative permeability is refused when it comes to it."""
     assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", tmp_path / "out") == 1
     errors = [row["error"] for row in rows(tmp_path / "out")]
@@ -91,15 +96,7 @@ def test_a_case_with_an_error_ends_no_sweep(case, tmp_path, capsys):
     assert (tmp_path / "out" / "sweep.png").exists()
 
 
-@pytest.mark.slow
-def test_without_matplotlib_there_is_the_table(case, tmp_path, monkeypatch, capsys):
-    without_matplotlib(monkeypatch)
-    assert cli.main(["sweep", str(case), "--over=scale=1e-3:2e-3:2", "--out", str(tmp_path / "out")]) == 0
-    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["cases", "sweep.csv", "sweep.json"]
-    assert 'pip install "kohonen-adapt[plot]"' in capsys.readouterr().out
-
-
-def test_a_missed_tolerance_is_told(case, tmp_path, capsys):
+def test_a_missed_tolerance_is_told(case, here, tmp_path, capsys):
     """The error of an output, what is asked of it, and how every case ended, as in a run."""
     options = "passes = 0\noutput_rtol = {stored = 0.1, pull = 1e-9}\nrtol = 1e-9"
     case.write_text(CASE.replace("passes = 1", options).replace("current_density = 0.0", "current_density = 1e6"))
@@ -115,7 +112,7 @@ def test_a_missed_tolerance_is_told(case, tmp_path, capsys):
     assert "2 of 2 cases missed a tolerance: case 0 (energy, pull (N/m)); case 1 (energy, pull (N/m))." in said
 
 
-def test_a_goal_is_an_output_of_a_sweep(case, tmp_path):
+def test_a_goal_is_an_output_of_a_sweep(case, here, tmp_path):
     goal = 'goal = {quantity = "energy", part = "core"}\n'
     case.write_text(goal + CASE.replace("passes = 1", "goal_rtol = 0.1"))
     assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
@@ -125,7 +122,7 @@ def test_a_goal_is_an_output_of_a_sweep(case, tmp_path):
         assert float(row["asked error of goal (J/m)"]) == pytest.approx(0.1 * float(row["goal (J/m)"]))
 
 
-def test_a_sweep_that_was_stopped_before_its_first_case(case, tmp_path):
+def test_a_sweep_that_was_stopped_before_its_first_case(case, here, tmp_path):
     (tmp_path / "out").mkdir()
     over = ["--over", "materials.core.permeability=10:1000:2"]
     assert sweep(case, *over, "--resume", tmp_path / "out") == 0 and len(rows(tmp_path / "out")) == 2
@@ -197,19 +194,13 @@ def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
     assert len(rows(out)) == 2 and "scale" in rows(out)[0]
 
 
-def test_another_mesh_is_another_sweep(case, tmp_path, capsys):
+def test_another_mesh_is_another_sweep(case, here, tmp_path, capsys):
     over = ["--over", "materials.core.permeability=10:1000:2"]
     assert sweep(case, *over, "--out", tmp_path / "out") == 0
     mesh = inset(10)
     ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
     assert sweep(case, *over, "--resume", tmp_path / "out") == 2
     assert "its code or data of the function differ" in capsys.readouterr().err
-
-
-def test_outputs_of_a_case_are_a_function_of_its_keys(case):
-    outputs = CaseOutputs.of(case)
-    weak, strong = (outputs(**{"materials.core.remanence": [0.0, value]}) for value in (0.6, 1.2))
-    assert strong["stored (J/m)"] == pytest.approx(4.0 * weak["stored (J/m)"], rel=1e-2)
 
 
 COMMAND = """

@@ -3,6 +3,7 @@
 import csv
 
 import pytest
+from helpers.cases import without_processes
 from helpers.meshes import inset
 from helpers.worlds import without_matplotlib
 
@@ -158,7 +159,8 @@ def test_a_resumed_run_goes_on_to_a_smaller_tolerance(run, tmp_path):
     assert len(rows) > len(rows_of(whole / "history.csv"))
 
 
-def test_a_sweep_tabulates_errors_and_is_another_sweep_with_another_tolerance(run, tmp_path):
+def test_a_sweep_tabulates_errors_and_is_another_sweep_with_another_tolerance(run, tmp_path, monkeypatch):
+    without_processes(monkeypatch)
     out = tmp_path / "out"
     over = ["--over", "materials.core.permeability=10:1000:2", "--jobs", "1"]
     status, said = run(CASE, *over, "--output-rtol", "1e-3", "--out", out, command="sweep")

@@ -1,4 +1,6 @@
-"""Cases of the command line as text."""
+"""Cases of the command line as text, and sweeps of them without processes."""
+
+from concurrent.futures import ThreadPoolExecutor
 
 INSET = """
 mesh = "mesh.msh"
@@ -14,3 +16,9 @@ passes = 2
 [outputs.stored]
 quantity = "energy"
 """
+
+
+def without_processes(monkeypatch):
+    """Have the command compute the cases of sweeps by a thread, for the rest of a test."""
+    pool = lambda prepare, jobs: ThreadPoolExecutor(1)  # noqa: E731
+    monkeypatch.setattr("kohonen_adapt.commands.sweep.LocalPool", pool)
