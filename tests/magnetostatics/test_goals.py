@@ -9,17 +9,18 @@ import pytest
 from helpers.devices import (
     AIR,
     CIRCUIT,
+    MM,
     STEEL,
     TURNS,
     actuator,
     coil,
     coil_mesh,
     machine,
-    plunger,
     shielded,
     turned_magnet,
     two_magnets,
 )
+from helpers.devices import plunger as plunger_of_step
 from helpers.examples import examples
 from helpers.tensor_meshes import box, disk, equal_rings
 from hypothesis import given
@@ -40,6 +41,11 @@ from kohonen_adapt.magnetostatics import (
 from kohonen_adapt.magnetostatics.solution import at_points, dual_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.problem.functional_value import functional_value
+
+
+def plunger():
+    return plunger_of_step(2 * MM)
+
 
 CASES = {
     "force": (actuator, Force("bar", (3.0, 4.0))),
