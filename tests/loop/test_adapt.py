@@ -107,13 +107,6 @@ def test_a_later_pass_leaves_the_meshes_before_it_alone():
         assert_array_equal(step.mesh.t, t)
 
 
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-def test_nodes_are_those_of_the_input(topology):
-    result = adapt(MESH, Script([2.0, 1.0]), passes=1, topology=topology)
-    assert result.best.number == 1
-    assert_array_equal(result.nodes, np.arange(NODES))
-
-
 def test_a_pass_describes_its_mesh_and_the_relocation_that_made_it():
     first, second = adapt(MESH, Script([2.0, 1.0]), passes=1, topology="flip").history
     assert (first.quantization_errors, first.max_displacement, first.moved) == ((), 0.0, 0)

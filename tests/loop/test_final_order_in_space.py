@@ -85,6 +85,7 @@ def test_the_default_order_follows_the_tolerance():
     assert tight.mesh.nvertices < 0.25 * 7969  # nodes that order 2 takes
 
 
+@pytest.mark.slow
 def test_a_goal_takes_no_order_with_more_unknowns_than_order_2():
     """Order 5 on two layers takes 103 591 unknowns to 2 %."""
     goal = Force("magnet", (0.0, 0.0, 1.0))

@@ -1,5 +1,7 @@
 """A functional with a term frozen at the solution is another one in every pass, and compares no passes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from helpers.scalar_problems import Gaussians
@@ -12,7 +14,17 @@ import kohonen_adapt as ka
 EXACT = 9.6397238440219  # first eigenvalue of -lap on the L-shape (Betcke and Trefethen, SIAM Review 47, 2005)
 
 
+@cache
+def pair_of(points, elements):
+    """Of the coordinates and the corners of elements, as bytes."""
+    return pair_on(MeshTri(np.frombuffer(points).reshape(2, -1), np.frombuffer(elements, np.int64).reshape(3, -1)))
+
+
 def pair(mesh):
+    return pair_of(mesh.p.tobytes(), mesh.t.astype(np.int64).tobytes())
+
+
+def pair_on(mesh):
     basis, inside = Basis(mesh, ElementTriP1()), mesh.interior_nodes()
     stiffness = BilinearForm(lambda u, v, w: dot(grad(u), grad(v))).assemble(basis)[inside][:, inside]
     mass = BilinearForm(lambda u, v, w: u * v).assemble(basis)[inside][:, inside]
@@ -55,7 +67,7 @@ class Membrane:
 )
 def test_passes_with_a_frozen_term_compare_by_the_estimate(options, reason):
     mesh = MeshTri.init_lshaped().refined(3)
-    result = ka.adapt(mesh, Membrane(**options), passes=3)
+    result = ka.adapt(mesh, Membrane(**options), passes=2)
     before, after = (pair(each)[0] / EXACT - 1.0 for each in (mesh, result.mesh))
     assert after < 0.3 * before
     assert result.estimate == min(step.estimate for step in result.history)

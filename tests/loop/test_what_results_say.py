@@ -83,11 +83,6 @@ def test_files_have_the_figures_of_a_goal_by_name_and_unit():
     assert not [name for name in pass_figures(adapt(MESH, Script([4.0]), passes=0).history[0]) if "goal" in name]
 
 
-def test_the_error_of_a_goal_is_estimated_once():
-    problem = Pull([4.0, 1.0, 2.0], calibrated=False)
-    assert adapt(MESH, problem, passes=2).best.goal_error == 0.0125 and problem.asked == 1
-
-
 @pytest.mark.parametrize("trouble", [np.linalg.LinAlgError("singular"), KeyboardInterrupt()])
 def test_a_goal_whose_error_cannot_be_estimated_costs_no_result(trouble):
     problem = Pull([4.0, 1.0], calibrated=False)
@@ -98,14 +93,6 @@ def test_a_goal_whose_error_cannot_be_estimated_costs_no_result(trouble):
         assert result.status is ka.Status.STOPPED and result.message.startswith("Stopped by Ctrl-C after 1 pass.")
     else:
         assert result.message.endswith(" The error of the goal could not be estimated: LinAlgError: singular.")
-
-
-def test_a_resumed_run_has_the_figures_of_its_goal(tmp_path):
-    whole = adapt(MESH, Pull([4.0, 1.0], calibrated=False), passes=1, checkpoint=tmp_path)
-    again = Pull([1.0], calibrated=False)
-    again.goal = lambda solution: -132.99999
-    resumed = adapt(MESH, again, passes=1, checkpoint=tmp_path)
-    assert [pass_figures(step) for step in resumed.history] == [pass_figures(step) for step in whole.history]
 
 
 def test_the_error_of_the_energy_is_the_square_of_that_of_the_norm():

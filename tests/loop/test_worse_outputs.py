@@ -89,6 +89,11 @@ def test_so_is_one_in_a_pass_by_the_tolerance_of_an_output(number):
     assert " `improved` of the problem failed: ValueError: no values. " in result.message
 
 
+def test_an_error_that_stays_as_large_as_its_output_asks_for_a_mapping():
+    result = adapt(MESH, ImprovedLater(None, -1), passes=4, outputs={"one": one, "pull": pull}, output_rtol=0.1)
+    assert "the estimated errors of 'one' remain as large as the values" in result.message
+
+
 @pytest.mark.parametrize("number", [1, 2])
 def test_ctrl_c_in_the_method_ends_the_run(number):
     problem = ImprovedLater(KeyboardInterrupt(), number)
