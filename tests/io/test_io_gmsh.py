@@ -123,46 +123,51 @@ def lengths(mesh):
 ALL = 'Physical Surface("iron", 7) = {1}; Physical Surface("air", 8) = {2};'
 
 
-def test_groups_of_a_drawing(drawn):
-    mesh = read_mesh(drawn(ALL + 'Physical Curve("outer", 7) = {1, 5, 6, 7, 3, 4};'))
-    assert areas(mesh) == {"iron": 1.0, "air": 1.0}
-    assert lengths(mesh) == {"outer": 6.0}
-    assert mesh.is_valid()
+HALVES = {"iron": 1.0, "air": 1.0}
+GROUPS = {  # what is drawn, the areas of its subdomains, and the lengths of its boundaries
+    "names": (ALL + 'Physical Curve("outer", 7) = {1, 5, 6, 7, 3, 4};', HALVES, {"outer": 6.0}),
+    "one number for a line and a surface": (
+        'Physical Surface("iron", 1) = {1, 2}; Physical Curve("outer", 1) = {4};',
+        {"iron": 2.0},
+        {"outer": 1.0},
+    ),
+    "one name for a line and a surface": (
+        'Physical Surface("part", 1) = {1, 2}; Physical Curve("part", 2) = {4};',
+        {"part": 2.0},
+        {"part": 1.0},
+    ),
+    "a surface in two groups": (
+        ALL + 'Physical Surface("both", 9) = {1, 2}; Physical Surface("again", 3) = {2};',
+        {**HALVES, "both": 2.0, "again": 1.0},
+        {},
+    ),
+    "a line in two groups": (
+        ALL + 'Physical Curve("a", 1) = {1, 5}; Physical Curve("b", 2) = {5, 6};',
+        HALVES,
+        {"a": 2.0, "b": 2.0},
+    ),
+    "numbers": (
+        "Physical Surface(4) = {1}; Physical Surface(5) = {1, 2}; Physical Curve(4) = {1, 2};",
+        {"region_4": 1.0, "region_5": 2.0},
+        {"boundary_4": 2.0},
+    ),
+    "a line inside": (ALL + 'Physical Curve("interface", 3) = {2};', HALVES, {"interface": 1.0}),
+    "reversed": (
+        'Physical Surface("all", 1) = {-1, 2}; Physical Curve("turned", 2) = {-4, 1};',
+        {"all": 2.0},
+        {"turned": 2.0},
+    ),
+}
 
 
-def test_trap_1_lines_and_surfaces_of_the_same_number(drawn):
-    mesh = read_mesh(drawn('Physical Surface("iron", 1) = {1, 2}; Physical Curve("outer", 1) = {4};'))
-    assert areas(mesh) == {"iron": 2.0}
-    assert lengths(mesh) == {"outer": 1.0}
-
-
-def test_lines_and_surfaces_of_the_same_name(drawn):
-    mesh = read_mesh(drawn('Physical Surface("part", 1) = {1, 2}; Physical Curve("part", 2) = {4};'))
-    assert areas(mesh) == {"part": 2.0}
-    assert lengths(mesh) == {"part": 1.0}
-
-
-def test_trap_2_a_surface_in_two_groups(drawn):
-    mesh = read_mesh(drawn(ALL + 'Physical Surface("both", 9) = {1, 2}; Physical Surface("again", 3) = {2};'))
-    assert areas(mesh) == {"iron": 1.0, "air": 1.0, "both": 2.0, "again": 1.0}
-    assert area(mesh).sum() == pytest.approx(2.0)
-    assert len(np.unique(np.sort(mesh.t, axis=0), axis=1).T) == mesh.t.shape[1]
-
-
-def test_a_line_in_two_groups(drawn):
-    mesh = read_mesh(drawn(ALL + 'Physical Curve("a", 1) = {1, 5}; Physical Curve("b", 2) = {5, 6};'))
-    assert lengths(mesh) == {"a": 2.0, "b": 2.0}
-
-
-def test_trap_3_groups_without_names(drawn):
-    mesh = read_mesh(drawn("Physical Surface(4) = {1}; Physical Surface(5) = {2}; Physical Curve(4) = {1, 2};"))
-    assert areas(mesh) == {"region_4": 1.0, "region_5": 1.0}
-    assert lengths(mesh) == {"boundary_4": 2.0}
-
-
-def test_an_element_in_two_groups_without_names(drawn):
-    mesh = read_mesh(drawn("Physical Surface(4) = {1}; Physical Surface(5) = {1, 2};"))
-    assert areas(mesh) == {"region_4": 1.0, "region_5": 2.0}
+@pytest.mark.parametrize("name", GROUPS)
+def test_groups_of_a_drawing(name, drawn):
+    text, surfaces, lines = GROUPS[name]
+    mesh = read_mesh(drawn(text))
+    assert areas(mesh) == surfaces and lengths(mesh) == lines
+    assert area(mesh).sum() == pytest.approx(2.0) and mesh.is_valid()  # no triangle is there twice
+    if name == "a line inside":
+        assert np.all(mesh.f2t[1, mesh.boundaries["interface"]] >= 0)
 
 
 def test_trap_4_no_line_group(drawn, caplog):
@@ -177,22 +182,6 @@ def test_no_group_at_all(drawn, caplog):
     assert mesh.subdomains is None and mesh.boundaries is None
     assert area(mesh).sum() == pytest.approx(2.0)
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
-
-
-def test_trap_5_no_sets_of_gmsh(drawn):
-    assert set(read_mesh(drawn(ALL)).subdomains) == {"iron", "air"}
-
-
-def test_trap_6_interior_lines(drawn):
-    mesh = read_mesh(drawn(ALL + 'Physical Curve("interface", 3) = {2};'))
-    assert lengths(mesh) == {"interface": 1.0}
-    assert np.all(mesh.f2t[1, mesh.boundaries["interface"]] >= 0)
-
-
-def test_reversed_groups(drawn):
-    mesh = read_mesh(drawn('Physical Surface("all", 1) = {-1, 2}; Physical Curve("turned", 2) = {-4, 1};'))
-    assert areas(mesh) == {"all": 2.0}
-    assert lengths(mesh) == {"turned": 2.0}
 
 
 def test_trap_7_quadrilaterals(drawn):

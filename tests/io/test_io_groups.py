@@ -135,20 +135,6 @@ def test_run_leaves_points_where_they_are(tmp_path, monkeypatch):
     assert max(np.abs(points - probe[:, None]).max(axis=0).min() for probe in probes.T) < 1e-9
 
 
-def test_run_keeps_the_groups(drawing, monkeypatch):
-    without_matplotlib(monkeypatch)
-    case = drawing.with_name("case.toml")
-    case.write_text(
-        'mesh = "drawing.msh"\nscale = 1e-3\n[materials.region_1000]\ncurrent_density = 1e6\n[materials.air]\n'
-        "[potential]\nouter = 0.0\n[adapt]\npasses = 1\n"
-    )
-    assert cli.main(["run", str(case), "--out", str(drawing.parent / "out"), "--quiet"]) == 0
-    got, wanted = groups_in(drawing.parent / "out" / "adapted.msh"), groups_in(drawing)
-    assert {key: name for key, (name, _) in got.items()} == {key: name for key, (name, _) in wanted.items()}
-    for key, (_, size) in wanted.items():
-        np.testing.assert_allclose(got[key][1], size, rtol=1e-9)
-
-
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".msh", ".msh2"])
 def test_numbers_of_ones_own(tmp_path, suffix):

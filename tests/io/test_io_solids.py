@@ -6,7 +6,6 @@ import meshio
 import numpy as np
 import pytest
 import skfem
-from helpers.examples import examples
 from helpers.mesh_files import (
     FORMATS,
     SUFFIXES,
@@ -19,54 +18,13 @@ from helpers.mesh_files import (
     needs_gmsh,
     two_boxes,
 )
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import read_field, read_groups, read_mesh, write_mesh
 from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.measures import area, signed_area
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_round_trip_keeps_everything(tmp_path, suffix):
-    mesh = two_boxes()
-    write_mesh(tmp_path / f"mesh{suffix}", mesh)
-    back = read_mesh(tmp_path / f"mesh{suffix}")
-    assert_same(back, mesh)
-    assert in_front(back, "wall") == in_front(mesh, "wall")
-    assert isinstance(back.boundaries["wall"], OrientedBoundary)
-    assert not isinstance(back.boundaries["outer"], OrientedBoundary)
-
-
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_round_trip_of_one_tetrahedron(tmp_path, suffix):
-    mesh = MeshTet(np.eye(4)[1:], np.arange(4)[[0, 1, 2, 3], None]).oriented()
-    write_mesh(tmp_path / f"mesh{suffix}", mesh)
-    assert_same(read_mesh(tmp_path / f"mesh{suffix}"), mesh)
-
-
-NAMES = st.text(min_size=1, max_size=20).filter(lambda name: name.isprintable() and '"' not in name and ":" not in name)
-
-
-@examples(15)
-@given(
-    subdomains=st.dictionaries(NAMES, st.sets(st.integers(0, 47)), max_size=4),
-    boundaries=st.dictionaries(NAMES, st.sets(st.integers(0, 119)), max_size=4),
-    suffix=st.sampled_from(SUFFIXES),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_any_names_on_any_sets_come_back(tmp_path_factory, subdomains, boundaries, suffix, seed):
-    mesh = MeshTet.init_tensor(*[np.linspace(0, 1, 3)] * 3).oriented()
-    shift = np.random.default_rng(seed).uniform(-0.05, 0.05, mesh.p.shape)
-    sets = [{name: np.array(sorted(rows), np.int32) for name, rows in s.items()} for s in (boundaries, subdomains)]
-    mesh = MeshTet((mesh.p + shift) * 10.0 ** (seed % 13 - 6), mesh.t, sets[0] or None, sets[1] or None)
-    path = tmp_path_factory.mktemp("names") / f"mesh{suffix}"
-    write_mesh(path, mesh)
-    assert_same(read_mesh(path), mesh)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -96,14 +54,6 @@ def test_scikit_fem_reads_ours_and_we_what_it_saves(tmp_path):
     assert_same(back, mesh)
     assert in_front(back, "wall") == in_front(mesh, "wall")
     assert in_front(skfem.Mesh.load(tmp_path / "ours.msh"), "wall") == in_front(mesh, "wall")
-
-
-def test_scale_and_no_names(tmp_path):
-    mesh = MeshTet().refined(1)
-    write_mesh(tmp_path / "mesh.msh", mesh)
-    back = read_mesh(tmp_path / "mesh.msh", scale=1e-3)
-    assert back.subdomains is None and back.boundaries is None
-    assert_array_equal(back.p, 1e-3 * mesh.p)
 
 
 @needs_gmsh
@@ -267,18 +217,6 @@ def test_mixed_cells_are_refused(tmp_path, other):
     meshio.Mesh(points, [("tetra", [[0, 1, 2, 3]]), (other, nodes)]).write(tmp_path / "mesh.vtu")
     with pytest.raises(ValueError, match=r"expected tetrahedra and triangles only; .* 1 tetrahedron elem.*to_meshtet"):
         read_mesh(tmp_path / "mesh.vtu")
-
-
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        ({"cell_data": {"u": np.zeros((2, 5))}}, r"cell_data 'u' must have shape \(5,\) or \(3, 5\); got \(2, 5\)"),
-        ({"point_data": {"u": np.zeros((3, 8))}}, r"point_data 'u' must have shape \(8,\), or \(k, 5\) with"),
-    ],
-)
-def test_fields_of_other_shapes_are_refused(tmp_path, data, message):
-    with pytest.raises(ValueError, match=message):
-        write_mesh(tmp_path / "mesh.msh", MeshTet(), **data)
 
 
 @needs_gmsh

@@ -58,17 +58,6 @@ def write_field(path, mesh, values, nodal):
     meshio.Mesh(points, [(kind, mesh.t.T)], **data).write(path)
 
 
-def write_views(path, mesh, kind, values):
-    """Views of Gmsh by its documentation: values of the nodes, of the elements, or of the nodes of every element."""
-    ka.write_mesh(path, mesh)
-    rows = values.reshape(len(values), -1)
-    between = f" {mesh.t.shape[0]}" if kind == "ElementNodeData" else ""
-    lines = [f"{1 + k}{between} {' '.join(map(repr, row))}" for k, row in enumerate(rows.tolist())]
-    head = [f"${kind}", "1", '"m"', "1", "0.0", "3", "0", "9", str(len(rows))]
-    with path.open("a") as file:
-        file.write("\n".join([*head, *lines, f"$End{kind}", ""]))
-
-
 def write_solution(path, *solutions, dim=2):
     """Solutions (types, rows) as Medit has them."""
     kinds = " ".join(str(kind) for kind, _ in solutions)
@@ -102,17 +91,6 @@ def test_of_tensors_in_space_the_part_in_the_plane_is_read(tmp_path, components,
     rows = padded(tensors, fill).reshape(-1, 9)
     write_field(tmp_path / "f.vtu", mesh, rows if components == 9 else rows[:, SYMMETRIC[3]], nodal=False)
     assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "m"), tensors, rtol=1e-15)
-
-
-@pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
-def test_views_of_tensors(tmp_path, kind):
-    mesh, path = MESHES[2], tmp_path / "f.msh"
-    nodal, cellwise = metric_at(mesh.p), metric_at(mesh.p[:, mesh.t].mean(axis=1))
-    values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t.T]}[kind]
-    shape = values.shape[:-2]
-    write_views(path, mesh, kind, padded(values.reshape(-1, 2, 2)).reshape(*shape, 3, 3))
-    wanted = cellwise if kind == "ElementData" else log_means(mesh, nodal)
-    assert_allclose(ka.read_field(path, mesh, "m"), wanted, rtol=1e-11)
 
 
 @needs_gmsh
