@@ -142,13 +142,6 @@ def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
     assert np.allclose(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), wanted, rtol=1e-14)
 
 
-def test_nodal_fields_are_averaged_over_elements(source, tmp_path):
-    mesh = ka.read_mesh(source)
-    write_field(tmp_path / "f.vtu", mesh, point_data={"rho": 1.0 + mesh.p[0]})
-    got = ka.read_field(tmp_path / "f.vtu", mesh, "rho")
-    assert np.allclose(got, 1.0 + mesh.p[0][mesh.t].mean(axis=0), rtol=1e-14)
-
-
 def spoilt(mesh, how):
     """A field file that does not fit, as arguments of `write_field`."""
     rho = {"rho": [np.ones(mesh.t.shape[1])]}

@@ -17,7 +17,6 @@ from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
-from kohonen_adapt.cases import read_case
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -88,27 +87,6 @@ def test_run_writes_mesh_fields_table_and_pictures(finished):
     assert "Task: adapt c_core.msh (899 nodes, 1696 elements) in at most 2 passes" in report
     assert report.count("<img ") == len(PICTURES)
     assert str(out.parents[1]) not in report and str(EXAMPLES) not in report
-
-
-@pytest.mark.slow
-def test_quadratic_elements_are_written_and_drawn_with_the_field_inside_them(case, tmp_path):
-    case.write_text(CASE.replace("passes = 2", "passes = 0"))
-    out = tmp_path / "out"
-    assert cli.main(["run", str(case), "--out", str(out)]) == 0
-    assert names_in(out) == FILES
-    problem, mesh = read_case(case).problem, ka.read_mesh(out / "adapted.msh", scale=1e-3)
-    field, inside = problem.solve(mesh), meshio.read(out / "inside.vtu")
-    (cells,) = inside.cells
-    corner = cells.data[:, :3]
-    middle = inside.points[corner].mean(axis=1)[:, :2].T
-    for name, wanted in {"B": field.flux_density_at(middle), "H": field.field_strength_at(middle)}.items():
-        unit = {"B": "T", "H": "A per m"}[name]
-        for axis, values in zip("xy", wanted, strict=True):
-            found = inside.point_data[f"{name}_{axis} ({unit})"][corner]
-            assert_allclose(found.mean(axis=1), values, atol=1e-9 * np.abs(wanted).max())
-            assert np.ptp(found, axis=1).max() > 0.1 * np.abs(wanted).max()
-    assert cells.data.shape == (mesh.t.shape[1], 6)
-    assert '"at":"lattice"' in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(finished, tmp_path):
@@ -300,29 +278,6 @@ def test_the_report_says_what_was_asked_for(case, tmp_path, monkeypatch):
         "Outputs: stored (J/m)." in report
     )
     assert "<h3>Seed</h3>\n<pre>7</pre>" in report
-
-
-@pytest.mark.slow
-def test_around_an_axis_the_contours_are_flux_lines(case, tmp_path):
-    """The flux function r A comes before A, whose contours are no flux lines."""
-    mesh = ka.read_mesh(EXAMPLES / "actuator_1.msh", scale=1e-3)
-    materials = "\n".join(f"[materials.{json.dumps(name)}]" for name in mesh.subdomains)
-    case.write_text(
-        f"""
-mesh = {json.dumps(str(EXAMPLES / "actuator_1.msh"))}
-scale = 1e-3
-axisymmetric = true
-{materials}
-[potential]
-outer = 0.0
-[adapt]
-passes = 0
-"""
-    )
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert report.index('"flux function r A (Wb)"') < report.index('"vector potential A (Wb/m)"')
-    assert "error indicator of an element (\\u221a(J))" in report
 
 
 def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_file(tmp_path, capsys, monkeypatch):

@@ -234,47 +234,6 @@ def test_a_middle_that_is_not_finite_is_refused(tmp_path):
         read_curves(path, mesh)
 
 
-DRAWING = """
-Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {2, 0, 0}; Point(4) = {0, 1, 0}; Point(5) = {0, 2, 0};
-Circle(1) = {2, 1, 4}; Circle(2) = {3, 1, 5}; Line(3) = {2, 3}; Line(4) = {4, 5}; Line(5) = {1, 2}; Line(6) = {4, 1};
-Curve Loop(1) = {5, 1, 6}; Plane Surface(1) = {1};
-Curve Loop(2) = {3, 2, -4, -1}; Plane Surface(2) = {2};
-Physical Surface("shaft", 1) = {1}; Physical Surface("gap", 2) = {2};
-Physical Curve("interface", 1) = {1}; Physical Curve("outer", 2) = {2, 3, 4, 5, 6}; Physical Curve("sides", 3) = {3, 4};
-Mesh.MeshSizeMin = 0.2; Mesh.MeshSizeMax = 0.2;
-"""
-
-
-@needs_gmsh
-@pytest.mark.parametrize("version", [2.2, 4.1])
-@pytest.mark.parametrize("binary", [0, 1])
-def test_a_quarter_of_a_machine_by_gmsh(tmp_path, version, binary):
-    (tmp_path / "machine.geo").write_text(DRAWING)
-    meshes = []
-    for order in (1, 2):
-        with gmsh_session() as model:
-            gmsh.open(str(tmp_path / "machine.geo"))
-            gmsh.option.setNumber("Mesh.MshFileVersion", version)
-            gmsh.option.setNumber("Mesh.Binary", binary)
-            gmsh.option.setNumber("Mesh.ElementOrder", order)
-            model.mesh.generate(2)
-            gmsh.write(str(tmp_path / "machine.msh"))
-        meshes.append(read_mesh(tmp_path / "machine.msh", scale=1e-3))
-    straight, mesh = meshes
-    assert type(straight) is MeshTri and type(mesh) is MeshTri2
-    assert_same(corners_of(mesh), straight)
-    outer = mesh.boundaries["interface"]
-    assert_allclose(np.hypot(*mesh.p[:, mesh.nvertices :][:, outer]), 1e-3, rtol=1e-9)
-    curves = read_curves(tmp_path / "machine.msh", mesh, scale=1e-3)
-    assert set(curves) == {"interface", "outer"}
-    angle = np.linspace(0.0, np.pi / 2, 200)
-    x = 1e-3 * np.stack([np.cos(angle), np.sin(angle)])
-    # ten times the (h / R)^4 / 384 of a spline without ends, for points h / R = 0.1 apart
-    assert np.abs(curves["interface"].project(x) - x).max() < 3e-2 * 0.1**4 * 1e-3
-    assert np.abs(curves["outer"].project(2.0 * x) - 2.0 * x).max() < 3e-2 * 0.1**4 * 2e-3
-    assert len(curves["outer"].pieces) == 3  # the arc and two straight sides
-
-
 def curved_ring():
     """The annulus with bent sides, and one boundary inside with a direction."""
     mesh = annulus(COUNT)

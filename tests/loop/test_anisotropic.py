@@ -63,22 +63,6 @@ def test_solutions_without_known_values_have_round_elements():
     assert "anisotropic=True needs" in str(forced.error)
 
 
-def test_values_without_curvature_have_round_elements():
-    class Flat:
-        def solve(self, mesh):
-            return mesh.p[0].copy()
-
-        def indicators(self, mesh, solution):
-            return 1.0 + mesh.p[1, mesh.t].mean(axis=0)
-
-    mesh = MeshTri().refined(4)
-    with_metric = ka.adapt(mesh, Flat(), passes=1, schedule=ka.Schedule.default(mesh.nvertices, topology="recycle"))
-    without = ka.adapt(
-        mesh, Flat(), passes=1, schedule=ka.Schedule.default(mesh.nvertices, topology="recycle"), anisotropic=False
-    )
-    np.testing.assert_array_equal(with_metric.mesh.p, without.mesh.p)
-
-
 @pytest.mark.parametrize("value", [0.5, "yes", None])
 def test_anisotropic_is_auto_or_a_truth_value(value):
     with pytest.raises(ValueError, match="anisotropic must be 'auto', True or False"):

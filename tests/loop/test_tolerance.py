@@ -86,7 +86,10 @@ def test_the_largest_number_of_nodes_ends_the_run():
 FORCE = -129.20757  # N/m, by orders 7 and 8 on different meshes
 
 
-@pytest.mark.parametrize(("order", "tolerance"), [(2, 2e-3), ("auto", 1e-3), ("auto", 1e-6)])
+@pytest.mark.parametrize(
+    ("order", "tolerance"),
+    [(2, 2e-3), ("auto", 1e-3), pytest.param("auto", 1e-6, marks=pytest.mark.slow)],
+)
 def test_the_error_of_an_output_is_told(order, tolerance):
     mesh, problem = two_magnets(1)
     problem = Magnetostatics(problem.materials, problem.potential, order=order)

@@ -109,7 +109,7 @@ def test_a_magnet_is_a_coil_on_its_surface(space):
     np.testing.assert_allclose(of_magnet.torque("winding", centre), torque, atol=2e-3 * np.abs(torque).max())
 
 
-@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_the_error_of_a_force_that_does_not_depend_on_the_potential(order):
     """A magnet of permeability 1 is a coil on its surface, so the quadrature beside the winding is all of the error."""
     (x, y, low), (_, _, high) = BLOCK

@@ -82,19 +82,6 @@ def test_an_image_is_a_coil_of_its_own():
         problem({"one": coils["one"]}, symmetry={"x-": "parallel"}).check(mesh)
 
 
-def test_a_coil_across_a_plane_askew():
-    side = HALF
-    mesh = box(x=side, parts={"limb": ((0.0, -0.25, -0.75), (0.1, 0.25, 0.75))})
-    askew = {"askew": Coil.circular((0.0, 0.0, 0.0), (0.3, 0.0, 1.0), 1.0, (0.2, 0.2), 50.0)}
-    with pytest.raises(
-        ValueError, match=r"^the coil 'askew' is not symmetric about the plane 'x-', to which .*parallel;"
-    ):
-        problem(askew, symmetry={"x-": "parallel"}).check(mesh)
-    beside = {"beside": Coil.circular((0.2, 0.0, 0.0), AXIS, 1.0, (0.2, 0.2), 50.0)}
-    with pytest.raises(ValueError, match=r"^the coil 'beside' is not symmetric about the plane 'x-'"):
-        problem(beside, symmetry={"x-": "parallel"}).check(mesh)
-
-
 @pytest.mark.parametrize("shift", [(0.2, 0.0, 0.0), (0.0, -0.35, 0.0)])
 def test_a_coil_that_meets_iron(shift):
     moved = replace(COIL, path=COIL.path + np.array(shift)[:, None])

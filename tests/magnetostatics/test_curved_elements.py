@@ -134,18 +134,6 @@ def test_the_numbers_of_corners_may_stand_in_any_order():
     np.testing.assert_allclose(one, other, atol=1e-12)
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_the_torque_of_a_uniform_field_on_a_round_magnet(order):
-    """Moment times field, M and area of the magnet: chords have 4 % less of the area."""
-    mesh = round_mesh(5)
-    materials = {"magnet": Material(remanence=(1.0, 0.0)), "air": Material()}
-    field = Magnetostatics(materials, open_boundary="outer", applied_field=(0.0, 2.0), order=order).solve(mesh)
-    wanted = np.pi * INNER**2 / MU0 * 2.0 * MU0
-    assert field.torque("magnet") == pytest.approx(wanted, rel=2e-3)
-    assert abs(field.force("magnet")[0]) < 1e-3 * wanted and abs(field.force("magnet")[1]) < 1e-3 * wanted
-    assert field.potential_at([[0.0], [0.9]])[0] == pytest.approx(0.5 * INNER**2 / 0.9, rel=2e-3)
-
-
 @pytest.mark.parametrize(("order", "steps"), [(2, 0), (2, -5), (3, 9)])
 def test_a_rotor_turns_on_a_circle_of_curved_sides(order, steps):
     """A magnet of a moment of 1 A m^2/m in a field of 1 T across it, its rotor turned by steps of the circle."""

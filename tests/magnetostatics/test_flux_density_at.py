@@ -96,7 +96,10 @@ def test_the_error_told_is_true_around_an_axis(order):
     assert np.sum(problem.indicators(field.mesh, field) ** 2) > abs(error)
 
 
-@pytest.mark.parametrize(("order", "goal_rtol"), [(2, 1e-2), (5, 1e-3), ("auto", 1e-5)])
+@pytest.mark.parametrize(
+    ("order", "goal_rtol"),
+    [(2, 1e-2), (5, 1e-3), pytest.param("auto", 1e-5, marks=pytest.mark.slow)],
+)
 def test_b_is_told_right_within_the_tolerance(order, goal_rtol):
     mesh, problem = two_magnets(1)
     goal = FluxDensityAt((0.0, 0.008), (0.3, 1.0), 0.002)
@@ -110,7 +113,10 @@ def test_b_is_told_right_within_the_tolerance(order, goal_rtol):
     assert abs(told.corrected - exact) < max(0.5 * abs(told.value - exact), resolved)
 
 
-@pytest.mark.parametrize(("order", "goal_rtol"), [(1, 1e-2), (2, 1e-2), ("auto", 1e-4)])
+@pytest.mark.parametrize(
+    ("order", "goal_rtol"),
+    [(1, 1e-2), (2, 1e-2), pytest.param("auto", 1e-4, marks=pytest.mark.slow)],
+)
 def test_an_output_beside_a_goal_has_its_error_too(order, goal_rtol):
     """The mesh is adapted for the force, and B elsewhere is up to 5 % off at a tolerance of 1 %."""
     mesh, problem = two_magnets(1)

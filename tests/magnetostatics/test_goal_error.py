@@ -79,7 +79,7 @@ def test_on_its_mesh_the_estimate_is_the_error_within_a_factor_of_two(case, k, a
 
 
 @pytest.mark.parametrize(("k", "angles"), SIZES)
-@pytest.mark.parametrize("adapted", [None, "energy"])
+@pytest.mark.parametrize("adapted", [None, pytest.param("energy", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", CASES)
 def test_on_other_meshes_it_makes_the_goal_better(case, k, angles, adapted):
     """At some angles errors cancel there by chance; over the angles two thirds of them are told, or more."""

@@ -238,7 +238,7 @@ def test_the_goal_is_nearer_at_the_same_number_of_nodes(case, goal, exact):
 
 
 @pytest.mark.parametrize(
-    ("order", "made"), [(1, ((plunger, ()), (machine, [("right", "left")]), (shielded, ()))), (2, ((shielded, ()),))]
+    ("order", "made"), [(1, ((plunger, ()), (machine, [("right", "left")]))), (2, ((shielded, ()),))]
 )
 def test_goals_around_an_axis_with_pairs_and_with_an_open_boundary_are_adapted(order, made):
     for make, pairs in made:

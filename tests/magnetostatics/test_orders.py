@@ -8,7 +8,6 @@ from helpers.devices import tube, wire_mesh
 from helpers.exact_fields import (
     LAYERS,
     RECTANGLE,
-    Corner,
     overrating,
     random_mesh,
     rectangle_mesh,
@@ -21,7 +20,6 @@ from helpers.meshes import generic_square, square
 from helpers.sheets import MU0
 from skfem import Basis, ElementTriP0
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import CubicField, Magnetostatics, Material, QuadraticField, Torque
 from kohonen_adapt.mesh.measures import area
 
@@ -132,17 +130,6 @@ def test_a_wire_in_an_iron_tube(order):
         assert field.newton[-1].converged and len(field.newton) < 15
         found.append(np.array([field.energy, field.potential[0]]))
     np.testing.assert_allclose((4 * found[1] - found[0]) / 3, [6.7135511580, 0.0393894788], rtol=1e-3)
-
-
-def test_adapting_with_the_right_exponent_grades_towards_a_corner():
-    """The density of order 2 is steeper; at the same nodes the error falls far below the uniform mesh's."""
-    corner = Corner(1000.0)
-    problem = Magnetostatics(corner.materials, {"rim": corner.potential}, order=2)
-    mesh = corner.mesh(8)
-    result = ka.adapt(mesh, problem, passes=4)
-    assert result.mesh.p.shape == mesh.p.shape
-    assert result.estimate < 0.25 * result.history[0].estimate
-    assert all(step.functional is not None for step in result.history)
 
 
 def test_elements_are_quadratic_unless_another_order_is_given():
