@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kohonen_adapt as ka
-from kohonen_adapt.loop.growth import MAX_LAST_FACTOR, MIN_PLACING_NODES, Growth, GrowthByTolerance
+from kohonen_adapt.loop.growth import (
+    FIRST,
+    MAX_FACTOR,
+    MAX_LAST_FACTOR,
+    MIN_PLACING_NODES,
+    Growth,
+    GrowthByTolerance,
+    predicted_nodes,
+)
 
 
 class Plain:
@@ -72,10 +80,19 @@ def pass_of(indicators, number, splits=0):
     )
 
 
-def nodes_after(last, excess, order, dim):
+def nodes_after(last, excess, order, dim, removes=True):
     # where the estimate of a pass is `excess` of the tolerance
-    growth = GrowthByTolerance(last.mesh.nvertices, 10**6, lambda _: last.estimate / excess, order, dim, removes=True)
+    growth = GrowthByTolerance(last.mesh.nvertices, 10**6, lambda _: last.estimate / excess, order, dim, removes)
     return growth.nodes(last.number + 1, True, last)
+
+
+@given(st.lists(st.floats(1e-6, 1.0), min_size=8, max_size=40), st.floats(0.01, 1e3), st.integers(0, 9))
+def test_meshes_that_only_grow_do_and_the_first_pass_not_beyond_what_the_input_tells(indicators, excess, number):
+    last = pass_of(indicators, number)
+    assert nodes_after(last, excess, 1, 2, removes=False) >= len(indicators)
+    first = pass_of(indicators, 0)
+    told = FIRST * predicted_nodes(first, first.estimate, 1, 2)
+    assert nodes_after(first, excess, 1, 2) <= round(max(told, len(indicators) / MAX_FACTOR))
 
 
 @pytest.mark.parametrize("degree", [(1, 2), (3, 2), (2, 3)])
