@@ -22,6 +22,7 @@ from kohonen_adapt.kernels.vectors import (
 )
 
 TOLERANCE = 1e-10  # relative to the element size, so that points on edges and faces are inside
+FAR = 1e3  # widths of the mesh, beyond which a point is outside
 WALK = 128  # maximum number of steps; walks from grid cells in uniform meshes take two to four
 
 
@@ -82,9 +83,16 @@ def find(position, elements, points, origin, grid, found):
     """Find the element of each point, -1 outside the mesh."""
     for t in range(points.shape[0]):
         x = from_to(origin, points, t)
-        found[t] = -1
-        if np.isfinite(dot(x, x)):
-            found[t] = find_in_cell(position, elements, grid, cell_of(grid, x), x)
+        found[t] = find_in_cell(position, elements, grid, cell_of(grid, x), x) if is_near(grid, x) else -1
+
+
+@inner_kernel
+def is_near(grid, x):
+    """Return False for points so far away that products would overflow, and for nan."""
+    for i in range(len(x)):
+        if not abs(x[i] - grid.origin[i]) <= FAR * grid.size[i] * grid.shape[i]:
+            return False
+    return True
 
 
 @kernel

@@ -33,7 +33,7 @@ __all__ = [
 
 FEW = 5_000  # minimum number of points per thread
 CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within half a second
-FAR = 1e3  # widths of the mesh, beyond which points outside are moved nearer
+CACHED = 20_000  # number of elements whose data fit into the cache of a processor
 NEAR = 1e-9  # of the size of the mesh or of an element, by which a point inside may lie outside by rounding errors
 
 TESSELLATIONS: dict[int, type[Tessellation[Any, Any]]] = {2: Triangulation, 3: Tetrahedralization}  # by dimension
@@ -59,11 +59,12 @@ class Locator:
         fill_cells(self.position, node, self.grid)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
-        found, reach = np.empty(len(points), dtype=np.int32), FAR * self.grid.size * self.grid.shape
-        points = np.clip(points, self.grid.origin - reach, self.grid.origin + reach)  # products must not overflow
+        found = np.empty(len(points), dtype=np.int32)
         for first in range(0, len(points), CHUNK):
             part = slice(first, first + CHUNK)
-            order = np.argsort(self._cells(points[part]), kind="stable")  # for locality in memory
+            order: Ints | slice = slice(None)
+            if len(self.elements.node) > CACHED:
+                order = np.argsort(self._cells(points[part]), kind="stable")  # for locality in memory
             found[part][order] = self._search(points[part][order])
         return found
 
