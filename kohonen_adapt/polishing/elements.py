@@ -20,6 +20,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
 )
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction, gradients
+from kohonen_adapt.mesh.elements.rules import SOURCE_DEGREE
 from kohonen_adapt.mesh.measures import inner_points
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.problem.functional_value import source_rule
@@ -89,13 +90,13 @@ def with_source(
 ) -> Floats:
     """Return `Trial.data` of shape (m, SOURCE_TERMS + terms) for a varying source.
 
-    The polynomial of degree order + 2 is the best fit at the quadrature points of the functional.
+    The polynomial of degree ``order + SOURCE_DEGREE`` is the best fit at the quadrature points of the functional.
     """
     share, _ = source_rule(order, 2)
     sampled = source_at(share @ corners, number, source)
     (ax, ay), (bx, by) = (corners[:, k] - corners[:, 0] for k in (1, 2))
     doubled, x, y = ax * by - ay * bx, share[:, 1] - 1.0 / 3.0, share[:, 2] - 1.0 / 3.0
-    degree = order + 2
+    degree = order + SOURCE_DEGREE
     terms = np.stack([x**i * y**j for j in range(degree + 1) for i in range(degree + 1 - j)], axis=1)
     centre, axes = corners.mean(axis=1), np.stack([by, -bx, -ay, ax]) / doubled
     return np.concatenate([constants.T, centre, axes, np.linalg.pinv(terms) @ sampled]).T.copy()

@@ -71,7 +71,7 @@ class PlaneDescent:
         total, value = 0.0, self.value()
         interval = RESAMPLE_SOURCE if self.functional.has_varying_source else RESAMPLE
         for done in range(0, sweeps, interval):
-            ways = dict.fromkeys([(swap_first, True), (False, True), (False, False)])
+            ways = dict.fromkeys([(swap_first and not done, True), (False, True), (False, False)])
             tries = (self.descend_sampled(value, min(interval, sweeps - done), *way) for way in ways)
             gain, value = next((found for found in tries if found[0] > 0.0), (0.0, value))
             if not gain:
@@ -148,6 +148,8 @@ def sweep(
     part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
     if swap_first:
         gain += flip_downhill(movable, loops)
+        if functional.varies:  # flipped elements have no sample of their own
+            loops = functional.loops(movable, trial._replace(fixed=trial.fixed | excluded), mesh)
     for _ in range(sweeps):
         star = movable.triangulation.star
         mark_interior(star.start, star.link, part, 1, interior, np.empty_like(order))

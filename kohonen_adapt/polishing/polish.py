@@ -62,5 +62,7 @@ def descend_and_recycle(descent: Descent, plan: Sequence[int] = PLAN) -> tuple[R
             descent, decrease = descent.descend_checked(sweeps, swap_first)
         else:
             break
+        if decrease == 0.0:  # nothing has changed, and nothing would
+            break
         gain += decrease
     return descent.close(), gain

@@ -193,12 +193,15 @@ def source_loads(
         if form.curved or form.axis:
             return group.at.values @ (source_at(functions.points_of(group), own, source) * group.point_volumes)
         local = coefficients[:, group.rows] if coefficients is not None and form.dim == 2 else None
-        return mean_loads(functions.corners[:, :, group.rows], own, source, form.order, local) * group.volumes
+        corners, (volumes,) = functions.corners[:, :, group.rows], group.volumes
+        return mean_loads(corners, volumes, own, source, form.order, local) * volumes
 
     return functions.by_element(of_group)
 
 
-def mean_loads(corners: Floats, number: Ints, source: Source, order: int, coefficients: Floats | None) -> Floats:
+def mean_loads(
+    corners: Floats, volumes: Floats, number: Ints, source: Source, order: int, coefficients: Floats | None
+) -> Floats:
     # Elements in which a rule of lower degree disagrees are integrated in parts, because passes and sweeps differ by
     # less than the rule misses in a layer.
     dim = len(corners)
@@ -210,7 +213,8 @@ def mean_loads(corners: Floats, number: Ints, source: Source, order: int, coeffi
     loads = np.asarray(functions @ values)
     if coefficients is None:
         return loads
-    allowed = AGREEMENT * np.sum(np.abs(values * (functions.T @ coefficients)), axis=0)
+    magnitude = np.sum(np.abs(values * (functions.T @ coefficients)), axis=0)
+    allowed = AGREEMENT * np.maximum(magnitude, np.mean(magnitude * volumes) / volumes)
     functions, values = sampled(source_rule(order, dim, LOWER), slice(None))
     doubtful = np.flatnonzero(np.abs(np.sum((loads - functions @ values) * coefficients, axis=0)) > allowed)
     for halvings in HALVINGS:

@@ -222,7 +222,7 @@ class Reference(NamedTuple):
     halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
 
 
-STRAIGHT_SIDED = 7  # kind of `Points`
+STRAIGHT_SIDED, STRAIGHT_WITH_SOURCE = 7, 8  # kinds of `Points`
 
 
 @record
@@ -232,15 +232,16 @@ class Points(NamedTuple):
     Points for linear material are first, points for nonlinear material follow.
 
     Kind 0 has a curved side and no corner on the axis, kinds 1 to 3 have corner ``kind - 1`` on the axis, and kinds 4
-    to 6 have all corners on the axis except ``kind - 4``. Kind 7 has straight sides in the plane.
+    to 6 have all corners on the axis except ``kind - 4``. Kind 7 has straight sides in the plane, and kind 8 is for the
+    polynomial of a varying source there.
     """
 
-    last: np.ndarray  # (8, 2) int32: numbers of points up to the last for linear and for nonlinear material
-    weight: np.ndarray  # (8, points): with sum 1 for each material
-    share: np.ndarray  # (8, points, 3): barycentric coordinates
-    value: np.ndarray  # (8, points, functions)
-    slope: np.ndarray  # (8, points, functions, 2): gradients
-    side: np.ndarray  # (8, points, 3, 3): value and gradient of the even function of each side
+    last: np.ndarray  # (9, 2) int32: numbers of points up to the last for linear and for nonlinear material
+    weight: np.ndarray  # (9, points): with sum 1 for each material
+    share: np.ndarray  # (9, points, 3): barycentric coordinates
+    value: np.ndarray  # (9, points, functions)
+    slope: np.ndarray  # (9, points, functions, 2): gradients
+    side: np.ndarray  # (9, points, 3, 3): value and gradient of the even function of each side
 
 
 @record

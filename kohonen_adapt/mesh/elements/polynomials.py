@@ -19,7 +19,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, factor_at, hierarchical, near_axis
-from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, points_near_axis, triangle_rule
+from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, SOURCE_DEGREE, points_near_axis, triangle_rule
 from kohonen_adapt.mesh.host import edges_between, facets_opposite, number_edges
 
 __all__ = [
@@ -183,7 +183,7 @@ def quadrature_points(order: int) -> Points:
     both = [_rules(order, law) for law in (False, True)]
     rules = [[np.concatenate(parts) for parts in zip(*pair, strict=True)] for pair in zip(*both, strict=True)]
     last = np.cumsum([[len(weight) for _, weight in each] for each in both], axis=0, dtype=np.int32).T.copy()
-    most, kinds = last.max(), [*range(len(ON_AXIS)), 0]
+    most, kinds = last.max(), [*range(len(ON_AXIS)), 0, 0]
     share = np.stack([np.pad(at, ((0, most - len(at)), (0, 0)), "edge") for at, _ in rules])
     weight = np.stack([np.pad(weights, (0, most - len(weights))) for _, weights in rules])
     own = [near_axis(at, order, kind) for kind, at in zip(kinds, share, strict=True)]
@@ -196,7 +196,7 @@ def quadrature_points(order: int) -> Points:
 def _rules(order: int, law: bool) -> list[tuple[Floats, Floats]]:
     # by kind of `Points`
     straight = triangle_rule(LAW_DEGREE[order] if law else 2 * (order - 1))
-    return [*zip(*points_near_axis(order, law), strict=True), straight]
+    return [*zip(*points_near_axis(order, law), strict=True), straight, triangle_rule(2 * order + SOURCE_DEGREE)]
 
 
 # on tetrahedra

@@ -18,6 +18,7 @@ __all__ = [
     "CURVED_RULE_IN_SPACE",
     "LAW_DEGREE",
     "LAW_RULE_IN_SPACE",
+    "SOURCE_DEGREE",
     "facet_rule",
     "points_near_axis",
     "product_rule",
@@ -35,6 +36,7 @@ LAW_DEGREE = {1: 0, 2: 10, 3: 14}  # straight sides, constant gradients at order
 LAW_DEGREE_BY_POINTS = {1: 8, 2: 14, 3: 14}  # curved sides, and around an axis
 CURVED_DEGREE = 2  # above 2 p, on curved elements without a law, where gradients are not polynomials
 AXIS_DEGREE = {1: 6, 2: 8, 3: 10}  # by order, of symmetric rules with 12, 16 and 25 points, without a law
+SOURCE_DEGREE = 2  # above the order, of the polynomial of a varying source in the polish
 LAYERS = {12: 2, 16: 2, 25: 5, 33: 3, 42: 6}  # by number of points, layers around a single corner on the axis
 # Above 2 p, of elements on arcs. Straight elements of linear material in the plane need 2 p - 2, and forces 2 p. On
 # arcs, around an axis and for laws integrands are no polynomials.

@@ -7,9 +7,11 @@ from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
     HALF_FLUX_X,
     HALF_FLUX_Y,
+    POSITION,
     RATES_X,
     RATES_Y,
     SOURCE_TERMS,
+    STRAIGHT_WITH_SOURCE,
     VALUE,
     X_BY_X,
     X_BY_Y,
@@ -74,8 +76,11 @@ def flux_term(data, e, x, a, u, b, v):
 
 
 @inner_kernel
-def source_at(data, e, x):
-    """Return the source at x, its gradient, and its second derivatives."""
+def source_at(data, e, x, wanted):
+    """Return the source at x, its gradient, and its second derivatives.
+
+    The derivatives are zero unless `wanted` is POSITION.
+    """
     along, aside = minus(x, centre_of(data, e))
     u = data[e, X_BY_X] * along + data[e, X_BY_Y] * aside
     v = data[e, Y_BY_X] * along + data[e, Y_BY_Y] * aside
@@ -87,12 +92,14 @@ def source_at(data, e, x):
     for j in range(degree, -1, -1):  # Horner's method in v, with coefficients by Horner's method in u
         p = d = dd = 0.0
         for _ in range(degree - j + 1):
-            dd = dd * u + 2.0 * d
-            d = d * u + p
+            if wanted == POSITION:
+                dd = dd * u + 2.0 * d
+                d = d * u + p
             p = p * u + data[e, column]
             column -= 1
-        vv, uv, uu = vv * v + 2.0 * by_v, uv * v + by_u, uu * v + dd
-        by_v, by_u = by_v * v + value, by_u * v + d
+        if wanted == POSITION:
+            vv, uv, uu = vv * v + 2.0 * by_v, uv * v + by_u, uu * v + dd
+            by_v, by_u = by_v * v + value, by_u * v + d
         value = value * v + p
     xu, yu, xv, yv = data[e, X_BY_X], data[e, X_BY_Y], data[e, Y_BY_X], data[e, Y_BY_Y]
     return (
@@ -111,7 +118,9 @@ def with_source(part, descent, j, x, a, b, wanted):
     magnitude, total, gradient, hessian = part
     data, block, points = descent.trial.data, descent.block, descent.points
     e, special = block.element[j], block.special[j]
-    kind = axis_kind(x[0], a[0], b[0]) if descent.shapes.around else 0
+    kind = STRAIGHT_WITH_SOURCE
+    if special:
+        kind = axis_kind(x[0], a[0], b[0]) if descent.shapes.around else 0
     for q in range(points.last[kind, 0]):
         lead, second, third = points.share[kind, q, 0], points.share[kind, q, 1], points.share[kind, q, 2]
         there, level = plus_times(plus_times(x, second, a), third, b), 0.0
@@ -120,7 +129,7 @@ def with_source(part, descent, j, x, a, b, wanted):
             side, midside = points.side[kind, q, k], xy(block.offset[j], k)
             there = plus_times(there, side[0], midside)
             p, r = plus_times(p, side[1], midside), plus_times(r, side[2], midside)
-        f, (f_x, f_y), (f_xx, f_xy, f_yy) = source_at(data, e, there)
+        f, (f_x, f_y), (f_xx, f_xy, f_yy) = source_at(data, e, there, wanted)
         doubled, w = cross(p, r), 0.5 * points.weight[kind, q]
         (ex, ey) = minus(r, p)
         # derivatives of f D by the position of the first corner
