@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.devices import INCH, coil, coil_mesh
-from helpers.meshes import generic_square, square
+from helpers.meshes import generic_square
 from skfem import Basis, ElementTriP0, MeshTri
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
-from kohonen_adapt.problem.functional_value import functional_value
 
 MU0 = 4e-7 * np.pi
 
@@ -83,12 +81,6 @@ def test_a_uniform_field_is_exact_of_higher_order(order):
     ) < 1e-8 * np.sqrt(2 * field.energy)
 
 
-def opened():
-    """A ball of iron in a uniform field, with an open boundary."""
-    materials, given = {"ball": Material(5.0), "air": Material()}, {"applied_field": (0.0, 3e5)}
-    return half_disk(8, 0.02), Magnetostatics(materials, open_boundary="rim", axisymmetric=True, **given)
-
-
 @pytest.mark.parametrize("estimator", ["residual", "recovery"])
 def test_the_estimate_of_the_coil_is_near_its_error(estimator):
     """The error against a finer solution: with 1 / r at the middle of elements it is not what the energy lacks."""
@@ -100,17 +92,6 @@ def test_the_estimate_of_the_coil_is_near_its_error(estimator):
     error = np.sqrt(np.sum(2 * np.pi * x[0] * off**2 * basis.dx) / MU0)
     assert problem.energy_norm(mesh, field) == pytest.approx(np.sqrt(2 * field.energy))
     assert 0.85 < np.linalg.norm(problem.indicators(mesh, field)) / error < 1.25
-
-
-def half_disk(n, radius):
-    """The half x > 0 of a disk, 2 n x n squares bent to circles; the ball within half of the radius."""
-    quarter = square(n, 0.0, radius)
-    whole = quarter + quarter.mirrored((0.0, -1.0))
-    x, y = whole.p
-    bent = whole.p * np.maximum(np.abs(x), np.abs(y)) / np.maximum(np.hypot(x, y), 1e-30)
-    mesh = MeshTri(bent, whole.t).with_boundaries({"rim": lambda x: np.hypot(*x) > (1 - 0.25 / n) * radius})
-    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < radius / 2
-    return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
 
 
 @pytest.mark.parametrize(("order", "counts", "bound", "rate"), [(1, (16, 32, 64), 0.002, 1.5), (2, (8, 16), 2e-5, 2.5)])
@@ -133,18 +114,6 @@ def test_a_long_solenoid_with_an_iron_core(order, counts, bound, rate):
     assert flux == pytest.approx(np.pi * 0.01**2 * density, rel=bound)
     assert errors[-1] < bound and field.newton[-1].converged
     assert -np.polyfit(np.log(counts), np.log(errors), 1)[0] > rate
-
-
-@pytest.mark.parametrize(("order", "curved"), [(1, False), (2, False), (2, True)])
-def test_an_open_boundary_is_polished(order, curved):
-    """And its functional is that of the solutions."""
-    mesh, problem = opened()
-    problem = replace(problem, order=order, curved=curved)
-    result = ka.adapt(mesh, problem, passes=1)
-    last = result.history[-1]
-    assert "No polish" not in result.message and last.polish_gain > 0.0
-    value = functional_value(last.mesh, problem.ritz(last.mesh, problem.solve(last.mesh)))
-    assert value == pytest.approx(last.functional, rel=1e-12)
 
 
 def test_wrong_axisymmetric_problems_are_named():

@@ -1,22 +1,12 @@
 """Flux density recovered at the corners of elements: nearer to the truth, and never across materials."""
 
 import numpy as np
-from helpers.sheets import MU0, rectangle_potential
+from helpers.exact_fields import RECTANGLE, rectangle_mesh
+from helpers.sheets import MU0
 from helpers.tensor_meshes import box
 from skfem import MeshTet
 
 from kohonen_adapt.magnetostatics import MagneticVectorPotential, Magnetostatics, Material
-
-HALF = (0.01, 0.005)
-
-
-def rectangle(n):
-    """A magnet of 20 x 10 mm in a box of 60 x 40 mm, 2 n squares to 10 mm, with its exact potential around."""
-    sides = {"magnet": (-HALF[0], HALF[0], -HALF[1], HALF[1])}
-    mesh = box(np.linspace(-0.03, 0.03, 12 * n + 1), np.linspace(-0.02, 0.02, 8 * n + 1), sides)
-    magnet = Material(remanence=(0.0, MU0 * 1e6))
-    potential = {"outer": lambda x: rectangle_potential(x, (0.0, 0.0), HALF)}
-    return mesh, Magnetostatics({"magnet": magnet, "air": Material()}, potential=potential, order=1)
 
 
 def test_layers_keep_their_jump():
@@ -36,8 +26,8 @@ def test_layers_keep_their_jump():
 
 
 def test_corner_values_are_those_at_the_corners_and_linear_between():
-    mesh, problem = rectangle(2)
-    field = problem.solve(mesh)
+    mesh = rectangle_mesh(2)
+    field = RECTANGLE.solve(mesh)
     rng = np.random.default_rng(1)
     share = rng.dirichlet((1.0, 1.0, 1.0), mesh.t.shape[1]).T
     x = np.einsum("ik,dik->dk", share, mesh.p[:, mesh.t])
