@@ -44,7 +44,7 @@ BUDGET = {
     "tests/io": 35_009,
     "tests/kernels": 16_435,
     "tests/loop": 41_160,
-    "tests/magnetostatics": 70_966,
+    "tests/magnetostatics": 71_208,
     "tests/mesh": 28_348,
     "tests/package": 14_384,
     "tests/plotting": 10_370,
