@@ -113,7 +113,8 @@ def case(tmp_path):
 
 def shown_by(*arguments, stdout=None):
     """The steps that a command shows on a terminal, in order, each once, what it knows then, and all that is there."""
-    with a_terminal(stdout) as written:
+    with a_terminal(stdout) as written, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(logging.getLogger(), "handlers", [])  # or the command would leave remarks to those of pytest
         assert cli.main(list(map(str, arguments))) == 0
     shown = re.findall(r"\r((?:pass \d of \d+: )?[a-z ]*[a-z])(?:, (.*?))? *(?=\r)", written())
     return list(dict.fromkeys(step for step, _ in shown)), [known for _, known in shown], written()
