@@ -84,7 +84,7 @@ def searches(movable, number, seed):
 @pytest.mark.parametrize("moved", [False, True])
 def test_in_a_convex_region_it_is_the_nearest_of_all_nodes(kind, moved):
     mesh = CONVEX[kind]()
-    for seed in range(5):
+    for seed in range(2):
         movable = amid_an_epoch(mesh, seed) if moved else untrained(mesh)
         for x, _, start, region in searches(movable, 80, seed):
             winner, distance = search(movable, start, x, region)
@@ -116,7 +116,7 @@ def test_ties_go_to_the_lowest_index():
 @pytest.mark.parametrize("moved", [False, True])
 def test_it_is_the_nearest_node_that_the_flooded_disc_reaches(kind, moved):
     hidden = 0
-    for seed in range(6):
+    for seed in range(2):
         mesh = CONCAVE[kind](seed)
         movable = amid_an_epoch(mesh, seed) if moved else untrained(mesh)
         tri = movable.triangulation
