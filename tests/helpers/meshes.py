@@ -264,3 +264,18 @@ def peak(mesh, x, y, contrast=1e3, width=0.1):
 def peak_at(x, y):
     """A density with a steep peak."""
     return lambda points: 1.0 / (0.03 + np.hypot(points[0] - x, points[1] - y)) ** 2
+
+
+SHAPES = {
+    "square": square(8),
+    "bad": perturbed(square(8), 1),
+    "delaunay": generic_square(9),
+    "comb": comb(10),
+    "hole": holed(9),
+    "l": l_shape(4),
+    "slit": slit(8),
+    "inset": perturbed(inset(8), 2),
+    "junction": junction(8),
+    "named": named(8),
+    "arcs": ring(24, 4),
+}

@@ -11,6 +11,7 @@ from kohonen_adapt import KohonenMap, Schedule, Stage
 
 MESH = square(4)
 ONES = np.ones(32)
+TWO = np.full((2, 2), 0.5)
 FIRST = Schedule((Stage(0, 1, 0.3),))
 
 
@@ -41,18 +42,6 @@ def test_values_per_element(values, message):
         ka.density_from_indicators(MESH, values)
     with pytest.raises(ValueError, match=f"^sizes {message}$"):
         ka.density_from_sizes(MESH, values)
-
-
-def test_a_density_that_is_zero_everywhere():
-    with pytest.raises(ValueError, match=r"^density must not be zero everywhere; give it a positive value where"):
-        ka.relocate(MESH, np.zeros(32))
-    with pytest.raises(ValueError, match=r"^density must not be zero everywhere; the callable is at all \d+ points"):
-        ka.relocate(MESH, lambda x: np.zeros(x.shape[1]))
-
-
-def test_sizes_of_zero():
-    with pytest.raises(ValueError, match=r"^sizes must be above zero; element 3 has 0\.0\.$"):
-        ka.density_from_sizes(MESH, changed(3, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -89,18 +78,6 @@ def test_an_exception_of_a_callable_comes_through():
 def test_orders(order, shown):
     with pytest.raises(ValueError, match=rf"^order must be the degree of the elements, 1 to 4; got {shown}\.$"):
         ka.density_from_indicators(MESH, ONES, order=order)
-
-
-def test_norms():
-    with pytest.raises(ValueError, match=r"^norm must be 'energy' or 'L2'; got 'H1'\.$"):
-        ka.density_from_indicators(MESH, ONES, norm="H1")
-
-
-def test_relocation_and_polish_work_under_the_guard_only():
-    message = r"^min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$"
-    for call in (lambda: ka.relocate(MESH, ONES, min_quality=None), lambda: ka.polish(MESH, Given(), min_quality=None)):
-        with pytest.raises(ValueError, match=message):
-            call()
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, 3.0, None, "a", True])
@@ -146,6 +123,65 @@ def test_what_the_rules_refuse_every_call_refuses(rule, message):
             call()
 
 
+def two_each(number, rng):
+    return rng.random((2, number)), None
+
+
+def trained(points=TWO, schedule=FIRST, **given):
+    return lambda: KohonenMap(MESH).train(points, schedule, **given)
+
+
+REFUSED = {
+    "a density of zeros": (
+        lambda: ka.relocate(MESH, np.zeros(32)),
+        r"density must not be zero everywhere; give it a positive value where",
+    ),
+    "a callable of zeros": (
+        lambda: ka.relocate(MESH, lambda x: np.zeros(x.shape[1])),
+        r"density must not be zero everywhere; the callable is at all \d+ points",
+    ),
+    "a size of zero": (
+        lambda: ka.density_from_sizes(MESH, changed(3, 0.0)),
+        r"sizes must be above zero; element 3 has 0\.0\.$",
+    ),
+    "another norm": (
+        lambda: ka.density_from_indicators(MESH, ONES, norm="H1"),
+        r"norm must be 'energy' or 'L2'; got 'H1'\.$",
+    ),
+    "relocation without a guard": (
+        lambda: ka.relocate(MESH, ONES, min_quality=None),
+        r"min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$",
+    ),
+    "a polish without a guard": (
+        lambda: ka.polish(MESH, Given(), min_quality=None),
+        r"min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$",
+    ),
+    "weights beside a callable": (
+        trained(two_each, weights=np.ones(3)),
+        r"weights must come from the callable when points is one; got both\.$",
+    ),
+    "a callable without weights": (
+        trained(lambda number, rng: rng.random((2, number))),
+        r"points as a callable must return \(points, weights\)",
+    ),
+    "complex points": (trained(1j * TWO), r"points must be real numbers; got complex ones"),
+    "a stage as schedule": (
+        trained(schedule=Stage(1, 1, 0.3)),
+        r"schedule must be a kohonen_adapt\.Schedule or None; got Stage",
+    ),
+    "sweeps without a density": (
+        trained(schedule=Schedule((), sweeps=2)),
+        r"train has no density to sweep with; got sweeps = 2\. Use kohonen_adapt\.relocate\.$",
+    ),
+}
+
+
+@pytest.mark.parametrize(("call", "message"), REFUSED.values(), ids=REFUSED)
+def test_what_is_refused(call, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        call()
+
+
 TRAINING = [
     (
         np.array([[0.5, 2.0], [0.5, 0.1]]),
@@ -187,37 +223,10 @@ def test_weights(weights, message):
         KohonenMap(MESH).train(np.full((2, 4), 0.5), FIRST, weights=weights)
 
 
-def test_weights_beside_a_callable():
-    with pytest.raises(ValueError, match=r"^weights must come from the callable when points is one; got both\.$"):
-        KohonenMap(MESH).train(lambda number, rng: (rng.random((2, number)), None), FIRST, weights=np.ones(3))
-
-
-def test_sweeps_need_a_density():
-    message = r"^train has no density to sweep with; got sweeps = 2\. Use kohonen_adapt\.relocate\.$"
-    with pytest.raises(ValueError, match=message):
-        KohonenMap(MESH).train(np.full((2, 4), 0.5), Schedule((), sweeps=2))
-    assert len(KohonenMap(MESH).train(np.full((2, 4), 0.5))) > 0
-
-
 @pytest.mark.parametrize("seed", [-1, 1.5, None, "a"])
 def test_training_needs_a_seed_that_fixes_it(seed):
     with pytest.raises(ValueError, match=r"^seed must be an integer >= 0; got "):
-        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], seed=seed)
-
-
-def test_training_needs_a_schedule():
-    with pytest.raises(ValueError, match=r"^schedule must be a kohonen_adapt\.Schedule or None; got Stage"):
-        ka.KohonenMap(MeshTri().refined(2)).train([[0.4], [0.4]], ka.Stage(1, 1, 0.3))
-
-
-def test_points_are_real():
-    with pytest.raises(ValueError, match=r"^points must be real numbers; got complex ones"):
-        ka.KohonenMap(MeshTri().refined(2)).train(np.array([[0.4], [0.4 + 1j]]))
-
-
-def test_a_callable_gives_points_and_weights():
-    with pytest.raises(ValueError, match=r"^points as a callable must return \(points, weights\)"):
-        ka.KohonenMap(MeshTri().refined(2)).train(lambda number, rng: rng.random((2, number)))
+        trained(seed=seed)()
 
 
 @pytest.mark.parametrize("scale", [1e-170, 1e170])

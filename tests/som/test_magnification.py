@@ -133,16 +133,3 @@ def test_weighted_training_at_radius_0_reaches_a_prescribed_density():
     assert spread(square(12)) > 0.5
     assert spread(som.mesh) < 0.2
     assert ka.quality(som.mesh).min() >= 0.3
-
-
-def test_a_constant_density_that_the_mesh_has_is_kept():
-    mesh = square(20)
-    after = ka.relocate(mesh, np.ones(mesh.nelements))
-    share = np.bincount(after.t.ravel(), np.tile(area(after) / 3, 3))[after.interior_nodes()]
-    assert share.std() < 0.2 * share.mean()
-    sample = (np.indices((100, 100)).reshape(2, -1) + 0.5) / 100
-
-    def distance(nodes):
-        return np.mean([np.min(np.hypot(*(nodes - x[:, None]))) for x in sample.T])
-
-    assert distance(after.p) < 1.05 * distance(mesh.p)

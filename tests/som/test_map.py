@@ -232,21 +232,6 @@ def test_training_goes_on_from_where_it_was():
     assert len(first) == len(second) == 5
 
 
-def test_nothing_that_is_given_is_changed():
-    mesh, points = inset(4), np.asfortranarray(np.random.default_rng(0).random((2, 40)))
-    weights = np.linspace(0, 1, 40)
-    before = [mesh.p.copy(), mesh.t.copy(), points.copy(), weights.copy(), mesh.subdomains["core"].copy()]
-    som = KohonenMap(mesh)
-    som.train(points, Schedule.paper((1, 1, 1)), weights=weights)
-    result = som.mesh
-    for old, new in zip(before, [mesh.p, mesh.t, points, weights, mesh.subdomains["core"]], strict=True):
-        assert_array_equal(old, new)
-    assert not np.shares_memory(result.p, mesh.p)
-    assert not np.shares_memory(result.p, som.mesh.p)
-    result.p[:] = 0
-    assert som.mesh.p.max() == 1.0
-
-
 SCRIPT = """
 import numpy as np, kohonen_adapt as ka
 from helpers.meshes import inset, centres

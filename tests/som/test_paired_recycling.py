@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import peak_at, square
+from helpers.meshes import square
 from numpy.testing import assert_array_equal
 from scipy.spatial import KDTree
 from skfem import MeshTri
@@ -81,24 +81,6 @@ def test_pairs_match_after_every_change(world, target):
     assert ka.quality(now).min() >= 0.3
     old = done.old >= 0
     assert len(np.unique(done.old[old])) == old.sum()
-
-
-def test_nodes_of_pairs_go_where_the_density_wants_them():
-    mesh = cell()
-    for seed in range(3):
-        found = ka.relocate(mesh, peak_at(0.0, 0.3), topology="recycle", periodic=BOTH, seed=seed)
-        assert found.p.shape == mesh.p.shape
-        assert len(nodes_of(found, "left")) > 19 > 13 > len(nodes_of(found, "low"))
-        assert np.median(np.abs(found.p[1, nodes_of(found, "left")] - 0.3)) < 0.2  # 0.25 if even
-        for one, other, motion in MOTIONS["cell"][2]:
-            assert mismatch(found, one, other, motion) < 1e-15
-
-
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-def test_without_recycling_pairs_keep_their_nodes(topology):
-    mesh = cell()
-    found = ka.relocate(mesh, peak_at(0.0, 0.3), topology=topology, periodic=BOTH)
-    assert {len(nodes_of(found, name)) for name in SIDES} == {17}
 
 
 def test_growth_without_recycling_takes_nothing_away():

@@ -111,7 +111,10 @@ def adapted(mesh, density, options):
 def trained(mesh, density, options):
     rules = {name: options[name] for name in ("min_quality", "pinned")}
     som = ka.KohonenMap(mesh, topology=options["topology"].replace("recycle", "flip"), **rules)
-    som.train(mesh.p[:, mesh.t].mean(axis=1), weights=density / density.max(), seed=options["seed"])
+    points, weights = mesh.p[:, mesh.t].mean(axis=1), density / density.max()
+    before = points.tobytes(), weights.tobytes()
+    som.train(points, weights=weights, seed=options["seed"])
+    assert before == (points.tobytes(), weights.tobytes())
     return som.mesh
 
 

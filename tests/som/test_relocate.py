@@ -5,18 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.meshes import (
+    SHAPES,
     area_of,
-    comb,
-    generic_square,
-    holed,
     inset,
-    junction,
     l_shape,
-    named,
     peak,
-    perturbed,
-    ring,
-    slit,
     square,
 )
 from helpers.scalar_problems import Corner
@@ -35,19 +28,6 @@ from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
-BUILDS = {
-    "square": lambda: square(8),
-    "bad": lambda: perturbed(square(8), 1),
-    "delaunay": lambda: generic_square(9),
-    "comb": lambda: comb(10),
-    "hole": lambda: holed(9),
-    "l": lambda: l_shape(4),
-    "slit": lambda: slit(8),
-    "inset": lambda: perturbed(inset(8), 2),
-    "junction": lambda: junction(8),
-    "named": lambda: named(8),
-    "arcs": lambda: ring(24, 4),
-}
 SHORT = Schedule((Stage(2, 1, 0.3), Stage(1, 1, 0.3)), sweeps=2)
 
 
@@ -76,9 +56,9 @@ def test_what_scikit_fem_brings_from_gmsh_is_no_region():
     assert_array_equal(result.subdomains["gmsh:bounding_entities"], extra["gmsh:bounding_entities"])
 
 
-@pytest.mark.parametrize("kind", BUILDS)
+@pytest.mark.parametrize("kind", SHAPES)
 def test_no_epochs_and_no_sweeps_move_no_node(kind):
-    mesh = BUILDS[kind]()
+    mesh = SHAPES[kind]
     for schedule in (Schedule(()), Schedule((Stage(2, 0, 0.3),))):
         same = ka.relocate(mesh, pull(mesh), topology="fixed", schedule=schedule)
         assert same.p.tobytes() == mesh.p.tobytes()
@@ -113,7 +93,7 @@ def test_the_global_random_state_has_no_say():
 @pytest.mark.parametrize("kind", ["delaunay", "named", "arcs"])
 @pytest.mark.parametrize("way", [(3.0, -7.0), (0.1, 1 / 3)])
 def test_a_mesh_translated_gives_the_translated_mesh(way, kind, topology):
-    mesh = BUILDS[kind]()
+    mesh = SHAPES[kind]
     plain = ka.relocate(mesh, pull(mesh), topology=topology)
     moved = ka.relocate(mesh.translated(way), pull(mesh), topology=topology)
     assert np.abs(moved.p - np.array(way)[:, None] - plain.p).max() < 1e-9
@@ -147,7 +127,7 @@ def test_a_mesh_turned_mirrored_or_renumbered_gives_one_of_the_same_worth(change
 @cache
 def typical_worth(kind, topology, change=lambda mesh, density, seed: (mesh, density)):
     """The median over seeds, of a mesh as it is or changed."""
-    mesh, found = BUILDS[kind](), []
+    mesh, found = SHAPES[kind], []
     for seed in range(3):
         own, density = change(mesh, pull(mesh), seed)
         found.append(worth(ka.relocate(own, density, topology=topology, seed=seed), density, own))

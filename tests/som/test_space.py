@@ -104,21 +104,6 @@ def test_without_sweeps_bad_elements_are_swapped_away():
     assert ka.quality(found).min() > 1.2 * ka.quality(mesh).min()
 
 
-@pytest.mark.parametrize(
-    ("density", "message"),
-    [
-        (np.ones(3), "density must have shape"),
-        (np.zeros(162), "density must not be zero everywhere"),
-        (lambda x: np.zeros(x.shape[1]), "density must not be zero everywhere"),
-        (lambda x: np.full(x.shape[1], np.nan), "density must be finite"),
-        (lambda x: x, "must return shape"),
-    ],
-)
-def test_densities_that_are_none_are_refused(density, message):
-    with pytest.raises(ValueError, match=message):
-        ka.relocate(box(3), density)
-
-
 @pytest.mark.parametrize("topology", TOPOLOGIES)
 def test_stages_are_presented_where_a_schedule_has_some(topology):
     mesh, schedule = two_regions(4), ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)
