@@ -72,9 +72,10 @@ def sector(n, layers, angle=HUNDRED):
 # --- what is recognised ---
 
 
-@pytest.mark.parametrize("n", [12, 13, 24, 100, 1000])
-def test_circles_are_recognised(n):
-    assert_allclose(circles(ring(n, 1)), [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
+@pytest.mark.parametrize(("n", "unit"), [(12, 1.0), (13, 2.0**20), (24, 1.0), (100, 2.0**-20), (1000, 1.0)])
+def test_circles_are_recognised(n, unit):
+    found = circles(ring(n, 1).scaled(unit)) / [unit, unit, unit, 1.0]
+    assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
     kind = outline_of(ring(n, 1)).constraints.kind
     assert np.all(kind == SLIDING)
 
@@ -197,10 +198,10 @@ NOT_ROUND = {
     "eight sides": lambda: ring(8, 2),
     "turns of 36 degrees": lambda: ring(10, 2),
     "ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(24) for s in (0.5, 1)], 2),
-    "fine ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(400) for s in (0.9, 1)], 2),
+    "fine ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(120) for s in (0.7, 1)], 2),
     "nearly a circle": lambda: shells([s * np.array([[1.01], [1.0]]) * circle(60) for s in (0.5, 1)], 2),
     "spiral": lambda: strip(spiral(24, 0.2, 2.7)),
-    "fine spiral": lambda: strip(spiral(300, 0.2, 2.7)),
+    "fine spiral": lambda: strip(spiral(100, 0.2, 2.7)),
     "wave": lambda: strip(np.stack([np.linspace(0, 1, 60), 0.1 * np.sin(np.linspace(0, 9, 60))])),
 }
 
@@ -315,7 +316,7 @@ def test_an_ellipse_loses_its_sagittas_only(topology):
     """The affine map that makes it a circle tells which area each facet cuts off."""
     build, curves_for = GIVEN["ellipses"]
     mesh = build()
-    for number in range(4):
+    for number in range(2):
         mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves_for(mesh))
     exact = 0.0
     for name, a, sign in (("outer", 2.0, 1), ("inner", 1.0, -1)):

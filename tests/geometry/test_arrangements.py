@@ -10,7 +10,7 @@ from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from helpers.meshes import areas_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -176,16 +176,6 @@ def off_lines(result, mesh, circles, name):
         flat = np.hypot(*(x - a - along[:, None] * (b - a)).T)
         off.append(min([*flat, *np.abs(np.hypot(*(x - circles[:, :2]).T) - circles[:, 2])]))
     return max(off)
-
-
-@FEW
-@given(cases(), st.sampled_from([-20, -3, 20]))
-def test_scaled_by_a_power_of_two_gives_the_scaled_mesh_exactly(case, exponent):
-    mesh, density, options = case
-    plain = ka.relocate(mesh, density, **options)
-    scaled = ka.relocate(mesh.scaled(2.0**exponent), density, **options)
-    assert_array_equal(scaled.p, plain.p * 2.0**exponent)
-    assert_array_equal(scaled.t, plain.t)
 
 
 ARRANGEMENTS = {

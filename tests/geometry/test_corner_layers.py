@@ -56,8 +56,7 @@ def test_new_nodes_lie_on_arcs():
     assert_allclose(np.hypot(*midsides), 1.0, rtol=1e-14)
 
 
-@pytest.mark.parametrize("count", [8, 9, 12])
-@pytest.mark.parametrize("layers", [1, 3])
+@pytest.mark.parametrize(("count", "layers"), [(8, 1), (9, 3)])
 def test_layers_at_every_node_of_coarse_arcs(count, layers):
     mesh = curved_annulus(count)
     for nodes in ([count], [count, count + 1], np.arange(mesh.nvertices)):

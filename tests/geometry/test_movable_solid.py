@@ -1,7 +1,5 @@
 """A mesh of tetrahedra taken apart: what its nodes may do, and every name back whatever has become of its arrays."""
 
-import io
-
 import numpy as np
 import pytest
 from helpers.boxes import check as check_arrays
@@ -18,13 +16,13 @@ from helpers.solids import (
 )
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
+from test_movable import assert_same_state, kept
 
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, WAITS
 from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
-from kohonen_adapt.som.relocate import move_in_space
 
 MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
 each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -34,40 +32,6 @@ def counts(solid):
     """Nodes that are held, on ridges, on patches and inside, and the numbers of patches and ridges."""
     number = np.bincount(solid.freedom.number, minlength=4).tolist()
     return number, len(solid.surfaces.shape), len(solid.surfaces.meets)
-
-
-def work_on(solid, seed=0):
-    """Recycle, swap and smooth towards a point."""
-    x = solid.tetrahedralization.centroids() - [0.3, 0.2, 0.1 * seed]
-    return move_in_space(solid, 1.0 / (0.01 + (x**2).sum(axis=1)), None, "recycle", np.random.default_rng(seed))
-
-
-def kept(solid):
-    """The state, as a file gives it back: with no array that the mesh goes on to change."""
-    file = io.BytesIO()
-    np.savez(file, **solid.state())
-    file.seek(0)
-    return dict(np.load(file))
-
-
-def assert_same_state(one, other):
-    assert one.keys() == other.keys()
-    for name, array in one.items():
-        assert array.dtype == other[name].dtype and array.tobytes() == other[name].tobytes(), name
-
-
-@each_mesh
-def test_a_state_gives_the_same_mesh_back_and_it_goes_on_in_the_same_way(build):
-    mesh, rules = build(), Rules("recycle", min_quality=0.1)
-    solid, again = (MovableSolid.of(mesh, rules) for _ in range(2))
-    assert solid.start() is mesh
-    assert work_on(solid).recycled.splits > 0
-    again.restore(kept(solid))
-    for _ in range(2):
-        assert_same_state(kept(again), kept(solid))
-        assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh()) if mesh.boundaries else True
-        for each in (solid, again):
-            work_on(each, seed=1)
 
 
 @pytest.mark.parametrize(
@@ -100,21 +64,6 @@ def test_what_cannot_be_a_state_is_refused_and_nothing_changed(name, change, sai
     with pytest.raises(ValueError, match=f"^{said}"):
         solid.restore(state)
     assert_same_state(solid.state(), before)
-
-
-@each_mesh
-def test_put_together_again_a_mesh_is_what_it_was(build):
-    mesh = build()
-    again = MovableSolid.of(mesh, Rules()).mesh()
-    assert type(again) is MeshTet
-    assert (again.p.tobytes(), again.t.tobytes()) == (mesh.p.tobytes(), mesh.t.tobytes())
-    assert not np.shares_memory(again.p, mesh.p) and not np.shares_memory(again.t, mesh.t)
-    for sets in ("boundaries", "subdomains"):
-        ours, theirs = getattr(again, sets) or {}, getattr(mesh, sets) or {}
-        assert list(ours) == list(theirs)
-        for name, rows in theirs.items():
-            assert_array_equal(ours[name], rows)
-            assert_array_equal(getattr(ours[name], "ori", ()), getattr(rows, "ori", ()))
 
 
 @each_mesh
@@ -217,17 +166,6 @@ def test_other_numbers_lose_no_name(build, seed):
     if mesh.boundaries:
         assert boundary_facts(again) == boundary_facts(mesh)
     assert element_facts(again) == element_facts(mesh)
-
-
-def test_a_copy_and_its_original_leave_each_other_alone():
-    solid = MovableSolid.of(two_regions(2), Rules())
-    copy, before = solid.copy(), boundary_facts(solid.mesh())
-    scramble(solid)
-    solid.tetrahedralization.position[:] *= 2.0
-    assert boundary_facts(copy.mesh()) == before
-    again = MovableSolid.of(copy.input_mesh, Rules())
-    again.set_arrays(solid.state())
-    assert boundary_facts(again.mesh()) == boundary_facts(solid.mesh())
 
 
 def test_pinned_nodes_are_held_and_known():

@@ -148,16 +148,10 @@ def test_the_jump_around_a_corner():
     assert ka.quality(result).min() > 0
 
 
-def test_it_jumps_onto_the_nearer_of_the_two_sides():
+@pytest.mark.parametrize(("x", "rate", "place"), [((0.05, 0.2), 1.0, [0.0, 0.2]), ((0.2, 0.05), 0.25, [0.05, 0.0])])
+def test_it_jumps_onto_the_nearer_side_by_the_share_of_the_learning_rate(x, rate, place):
     mesh = cornered()
-    result = trained_once(mesh, (0.05, 0.2))
-    assert result.p[:, node_at(mesh, 0, 0)].tolist() == [0.0, 0.2]
-    assert result.p[:, node_at(mesh, 0.5, 0)].tolist() == [0.0, 0.0]
-
-
-def test_a_jump_takes_the_share_of_the_way_that_the_learning_rate_says():
-    result = trained_once(cornered(), (0.2, 0.05), rate=0.25)
-    assert result.p[:, node_at(cornered(), 0, 0)].tolist() == [0.05, 0.0]
+    assert trained_once(mesh, x, rate=rate).p[:, node_at(mesh, 0, 0)].tolist() == place
 
 
 def test_a_jump_that_leaves_a_flat_ear_is_refused():
