@@ -6,6 +6,7 @@ from helpers.examples import examples
 from helpers.meshes import comb, generic_square, holed, inset, slit, square
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, LinearForm, MeshQuad, MeshTri, MeshTri2
 from skfem.helpers import dot, grad
@@ -160,7 +161,7 @@ def test_the_estimate_is_the_distance_of_the_flux():
     difference = data.sigma() - (data.reluctivity * gradients - data.flux)[:, None]
     middles = (difference + difference[:, [1, 2, 0]]) / 2
     squared = area(data.mesh) / 3 * np.sum(middles**2, axis=(0, 1)) / data.reluctivity
-    np.testing.assert_allclose(data.estimate() ** 2, squared, rtol=1e-10)
+    assert_allclose(data.estimate() ** 2, squared, rtol=1e-10)
 
 
 def test_a_flux_in_equilibrium_is_left_alone():
@@ -174,7 +175,7 @@ def test_a_flux_in_equilibrium_is_left_alone():
     fixed = (mesh.p[0] == 0) | (mesh.p[0] == 3)
     assert np.max(equilibrated(mesh, potential, reluctivity[layer], flux=flux, fixed=fixed)) < 1e-10
     sigma = equilibrated_flux(mesh, potential, reluctivity[layer], flux=flux, fixed=fixed)
-    np.testing.assert_allclose(sigma, np.broadcast_to([[[0.3]], [[0.0]]], sigma.shape), atol=1e-10)
+    assert_allclose(sigma, np.broadcast_to([[[0.3]], [[0.0]]], sigma.shape), atol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -194,7 +195,7 @@ def test_numbering_and_orientation_do_not_matter(seed):
         fixed=data.fixed[node],
     )
     once = np.take_along_axis(data.sigma()[:, :, element], turn[None], axis=1)
-    np.testing.assert_allclose(again, once, rtol=1e-7, atol=1e-10 * np.max(np.abs(once)))
+    assert_allclose(again, once, rtol=1e-7, atol=1e-10 * np.max(np.abs(once)))
 
 
 def test_indicators_scale_as_the_energy_norm_does():
@@ -202,12 +203,12 @@ def test_indicators_scale_as_the_energy_norm_does():
     mesh, once, fixed = data.mesh, data.estimate(), data.fixed
     nu, source, flux = data.reluctivity, data.source, data.flux
     thrice = equilibrated(mesh, 3 * data.potential, nu, source=3 * source, flux=3 * flux, fixed=fixed)
-    np.testing.assert_allclose(thrice, 3 * once, rtol=1e-9)
+    assert_allclose(thrice, 3 * once, rtol=1e-9)
     stiffer = equilibrated(mesh, data.potential, 5 * nu, source=5 * source, flux=5 * flux, fixed=fixed)
-    np.testing.assert_allclose(stiffer, np.sqrt(5) * once, rtol=1e-9)
+    assert_allclose(stiffer, np.sqrt(5) * once, rtol=1e-9)
     smaller = mesh.scaled(0.1)
     small = equilibrated(smaller, data.potential, nu, source=100 * source, flux=10 * flux, fixed=fixed)
-    np.testing.assert_allclose(small, once, rtol=1e-9)
+    assert_allclose(small, once, rtol=1e-9)
 
 
 # --- effectivity -------------------------------------------------------------------------------------------------

@@ -1,7 +1,6 @@
 """Goal-oriented indicators: what is sure about the error of a functional, and meshes that make it small."""
 
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -10,15 +9,13 @@ from helpers.meshes import generic_square, square
 from helpers.scalar_problems import stiffness
 from hypothesis import given
 from hypothesis import strategies as st
-from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, ElementTriP2, LinearForm, condense, solve
-from skfem.helpers import dot, grad
+from numpy.testing import assert_allclose
+from skfem import Basis, ElementTriP0, ElementTriP1, LinearForm, condense, solve
+from skfem.helpers import grad
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators import equilibrated, equilibrated_flux, goal_error, goal_oriented, residual
 from kohonen_adapt.mesh.measures import area
-
-C_CORE = Path(__file__).parents[2] / "examples" / "c_core_fine.msh"
-PERMEABILITY = {"iron": 1000.0, "magnet": 1.05, "air": 1.0}
 
 
 @LinearForm
@@ -126,35 +123,10 @@ def test_the_goal_lies_between_two_bounds(n, seed):
     assert abs(pair.error() - middle) <= radius * (1 + 1e-9)
 
 
-@examples(10)
-@given(n=st.integers(3, 8), seed=st.integers(0, 10**6), varying=st.booleans())
-def test_the_estimate_is_the_change_of_the_goal_from_linear_to_quadratic_elements(n, seed, varying):
-    """With a weight that is constant in the elements, and one that is linear in them."""
-    pair, rng = Pair.random(n, seed), np.random.default_rng(seed)
-    values, names = pair.arguments()
-    corners = np.repeat(pair.dual[1][:, None], 3, axis=1)
-    if varying:
-        wave = rng.normal(size=corners.shape)
-        corners += wave - wave.mean(axis=1, keepdims=True)
-    basis = Basis(pair.mesh, ElementTriP2(), intorder=4)
-    source, flux = (part[..., None] for part in pair.primal)
-    nu, outer = pair.reluctivity[:, None], basis.get_dofs().all()
-    load = LinearForm(lambda v, w: w.f * v + dot(w.g, grad(v)))
-    given_values = np.concatenate((pair.values, pair.values[pair.mesh.facets].mean(axis=0)))
-    x = np.zeros(basis.N)
-    x[np.concatenate((basis.nodal_dofs[0], basis.facet_dofs[0]))] = given_values
-    stiffness = BilinearForm(lambda u, v, w: w.nu * dot(grad(u), grad(v))).assemble(basis, nu=nu)
-    better = solve(*condense(stiffness, load.assemble(basis, f=source, g=flux), x=x, D=outer))
-    share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
-    weight = load.assemble(basis, f=pair.dual[0][:, None], g=np.einsum("cik,iq->ckq", corners, share))
-    estimate = goal_error(*values, **names | {"dual_flux": corners})
-    assert estimate == pytest.approx(weight @ better - pair.goal(), rel=1e-6, abs=1e-9)
-
-
 def test_indicators_are_the_sizes_of_what_the_estimate_adds_up():
     pair = Pair.random(6, 1)
     indicators, (primal, dual) = pair.indicators(), pair.estimates()
-    np.testing.assert_allclose(indicators**2, np.abs(pair.products()), rtol=1e-9)
+    assert_allclose(indicators**2, np.abs(pair.products()), rtol=1e-9)
     assert abs(pair.error()) < np.sum(indicators**2) < primal * dual
 
 
@@ -163,26 +135,9 @@ def test_where_the_goal_is_the_load_the_indicators_are_those_of_the_energy():
     pair = Pair.random(6, 2)
     pair = Pair(pair.mesh, pair.reluctivity, pair.primal, pair.primal, np.zeros_like(pair.values))
     energy = equilibrated(pair.mesh, pair.potential, pair.reluctivity, source=pair.primal[0], flux=pair.primal[1])
-    np.testing.assert_allclose(pair.indicators(), energy, rtol=1e-10)
+    assert_allclose(pair.indicators(), energy, rtol=1e-10)
     finest = pair.refined().refined().refined()
     assert np.sum(pair.products()) >= finest.goal() - pair.goal() > pair.error() > 0.8 * (finest.goal() - pair.goal())
-
-
-def test_primal_and_dual_may_change_places():
-    pair = Pair.random(6, 3)
-    pair.values[:] = 0.0
-    other = Pair(pair.mesh, pair.reluctivity, pair.dual, pair.primal, pair.values)
-    np.testing.assert_allclose(other.indicators(), pair.indicators(), rtol=1e-10)
-    assert other.goal() == pytest.approx(pair.goal())
-
-
-def test_indicators_have_the_root_of_the_goal_for_a_unit():
-    pair = Pair.random(6, 4)
-    values, names = pair.arguments()
-    names |= {"dual_source": 9 * pair.dual[0], "dual_flux": 9 * pair.dual[1]}
-    ninefold = (*values[:2], 9 * pair.weight, values[3])
-    np.testing.assert_allclose(goal_oriented(*ninefold, **names), 3 * pair.indicators(), rtol=1e-9)
-    assert goal_error(*ninefold, **names) == pytest.approx(9 * pair.error())
 
 
 # --- adapted meshes: the error of a goal falls faster than with the energy's indicators ---------------------------
@@ -265,19 +220,6 @@ def gap_flux(mesh):
     return flux
 
 
-def core_reluctivity(mesh):
-    values = np.empty(mesh.nelements)
-    for name, permeability in PERMEABILITY.items():
-        values[mesh.subdomains[name]] = 1.0 / permeability
-    return values
-
-
-def core_flux(mesh):
-    flux = np.zeros((2, mesh.nelements))
-    flux[0, mesh.subdomains["magnet"]] = -1.2 / PERMEABILITY["magnet"]
-    return flux
-
-
 def force_on_the_block(x):
     """Maxwell's stress along y times the slope of a weight: one within 0.05 of the block, zero beyond 0.15."""
     across, along = np.maximum(np.abs(x[0]) - 0.5, 0.0), np.maximum(np.abs(x[1] + 0.4) - 0.2, 0.0)
@@ -288,67 +230,26 @@ def force_on_the_block(x):
     return np.stack([np.stack([-up, right]), np.stack([right, up])])
 
 
-def energy_in_the_yoke(x):
-    """A bump of unit mass and 2 mm width in the upper limb of the C-core."""
-    square_distance = x[0] ** 2 + (x[1] - 0.0225) ** 2
-    bump = np.exp(-square_distance / (2 * 0.002**2)) / (2 * np.pi * 0.002**2)
-    return np.eye(2)[:, :, None, None] * bump
-
-
-# Values of the goals: P2 elements on goal-adapted meshes of 8 000 nodes, refined once; both settle to 1e-5.
-CASES = {
-    "force": (gap_mesh, (force_on_the_block, gap_reluctivity, gap_flux), 0.0153650),
-    "yoke": (
-        lambda: ka.read_mesh(C_CORE, scale=1e-3),
-        (energy_in_the_yoke, core_reluctivity, core_flux),
-        0.291102,
-    ),
-}
-
-
-@cache
-def adapted(kind, case, seed):
-    start, parts, _ = CASES[case]
-    return ka.adapt(start(), kind(*parts), passes=4, seed=seed).mesh
-
-
-def errors_of(kind, case):
-    """Relative errors of the goal on meshes adapted with three seeds."""
-    _, parts, exact = CASES[case]
-    return [abs(kind(*parts).value(adapted(kind, case, seed)) / exact - 1.0) for seed in range(3)]
+# By P2 elements on goal-adapted meshes of 8 000 nodes, refined once; it settles to 1e-5.
+FORCE, EXACT = (force_on_the_block, gap_reluctivity, gap_flux), 0.0153650
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("case", "smaller"), [("force", 2.0), ("yoke", 10.0)])
-def test_the_error_of_the_goal_falls_faster_than_with_the_energy(case, smaller):
-    """At the same number of nodes, 1681 and 2983, after four passes each."""
-    by_goal, by_energy = errors_of(Goal, case), errors_of(Energy, case)
-    assert np.linalg.norm(by_energy) > smaller * np.linalg.norm(by_goal)
-    start, parts, exact = CASES[case]
-    assert abs(Goal(*parts).value(start()) / exact - 1.0) > 7 * np.max(by_goal)
-
-
-def estimates_and_errors(case, meshes):
-    _, parts, exact = CASES[case]
-    problem = Goal(*parts)
-    return np.array([(problem.estimate(mesh), exact - problem.value(mesh)) for mesh in meshes]).T
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_the_estimate_of_the_goal_is_of_the_right_sign_and_size_on_its_mesh_and_on_the_first(case):
-    """0.77 to 1.67 times the error. It was 1.9 to 4.1 times that of the force where adapted."""
-    meshes = [CASES[case][0](), *(adapted(Goal, case, seed) for seed in range(5))]
-    found, error = estimates_and_errors(case, meshes)
-    assert np.all((found / error > 0.5) & (found / error < 2.0))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_the_estimate_makes_the_goal_better_on_meshes_for_the_energy(case):
-    """Some of these have errors of the yoke of 2 %, some next to none by chance, as they do not resolve its weight."""
-    found, error = estimates_and_errors(case, [adapted(Energy, case, seed) for seed in range(3)])
-    assert np.linalg.norm(error - found) < 0.3 * np.linalg.norm(error)
+def test_the_error_of_the_goal_falls_faster_than_with_the_energy_and_its_estimate_is_of_the_right_size():
+    """At the same number of nodes, 1681, after four passes. The estimate is 0.77 to 1.67 times the error."""
+    meshes = {
+        kind: [ka.adapt(gap_mesh(), kind(*FORCE), passes=4, seed=seed).mesh for seed in range(3)]
+        for kind in (Goal, Energy)
+    }
+    goal = Goal(*FORCE)
+    by_goal, by_energy = (np.array([EXACT - goal.value(mesh) for mesh in meshes[kind]]) for kind in (Goal, Energy))
+    at_first = EXACT - goal.value(gap_mesh())
+    assert np.linalg.norm(by_energy) > 2.0 * np.linalg.norm(by_goal)
+    assert abs(at_first) > 7.0 * np.max(np.abs(by_goal))
+    found = np.array([goal.estimate(mesh) for mesh in (gap_mesh(), *meshes[Goal])])
+    assert np.all(np.abs(np.log2(found / [at_first, *by_goal])) < 1.0)
+    found = np.array([goal.estimate(mesh) for mesh in meshes[Energy]])
+    assert np.linalg.norm(by_energy - found) < 0.3 * np.linalg.norm(by_energy)
 
 
 # --- arguments ---------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.curved_meshes import curved_annulus
+from numpy.testing import assert_allclose
 
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.elements.rules import triangle_rule
@@ -14,8 +15,8 @@ def test_sides_through_three_nodes_of_a_circle_are_arcs():
     mesh = curved_annulus(8)
     shape = Blended(mesh)
     x, tangent = shape.facet_points(mesh.boundaries["outer"], np.linspace(0.0, 1.0, 11))
-    np.testing.assert_allclose(np.hypot(*x), 1.5, atol=1e-14)
-    np.testing.assert_allclose(np.sum(x * tangent, axis=0), 0.0, atol=1e-14)
+    assert_allclose(np.hypot(*x), 1.5, atol=1e-14)
+    assert_allclose(np.sum(x * tangent, axis=0), 0.0, atol=1e-14)
     barycentric, weight = triangle_rule(26)
     count = mesh.t.shape[1]
     element, share = np.repeat(np.arange(count), weight.size), np.tile(barycentric.T, count)
@@ -23,7 +24,7 @@ def test_sides_through_three_nodes_of_a_circle_are_arcs():
     size = 0.5 * np.tile(weight, count) / abs(hats[0, 1] * hats[1, 2] - hats[1, 1] * hats[0, 2])
     assert size.sum() == pytest.approx(2.0 * np.pi, rel=1e-14)
     points = shape.points(element, share)
-    np.testing.assert_allclose(shape.barycentric_coordinates(element, points), share, atol=1e-12)
+    assert_allclose(shape.barycentric_coordinates(element, points), share, atol=1e-12)
 
 
 def test_a_midside_node_off_the_bisector_makes_a_parabola():
@@ -34,4 +35,4 @@ def test_a_midside_node_off_the_bisector_makes_a_parabola():
     shape = Blended(replace(mesh, doflocs=p))
     quarter, _ = shape.facet_points(np.array([rim]), np.array([0.25]))
     offset = p[:, mesh.nvertices + rim] - 0.5 * (start + end)
-    np.testing.assert_allclose(quarter[:, 0, 0], 0.75 * start + 0.25 * end + 0.75 * offset, atol=1e-14)
+    assert_allclose(quarter[:, 0, 0], 0.75 * start + 0.25 * end + 0.75 * offset, atol=1e-14)

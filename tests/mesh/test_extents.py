@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.stand_ins import MESH, Script
+from numpy.testing import assert_allclose
 from skfem import MeshTet, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
@@ -65,14 +66,14 @@ def test_the_widest_and_the_narrowest_meshes_move_as_any_other(mesh, exponent):
 @pytest.mark.parametrize("mesh", [TRIANGLES, MeshTri2.from_mesh(TRIANGLES), SOLID], ids=["tri", "tri2", "tet"])
 def test_quality_does_not_depend_on_the_unit(mesh, scale):
     given = replace(mesh, doflocs=mesh.doflocs * scale)
-    np.testing.assert_allclose(ka.quality(given), ka.quality(mesh), rtol=1e-12)
+    assert_allclose(ka.quality(given), ka.quality(mesh), rtol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [1e-310, 1e308])
 def test_indicators_at_the_ends_of_the_range_of_numbers(scale):
     indicators = np.linspace(0.1, 1.0, TRIANGLES.nelements)
     expected = ka.density_from_indicators(TRIANGLES, indicators)
-    np.testing.assert_allclose(ka.density_from_indicators(TRIANGLES, indicators * scale), expected, rtol=1e-12)
+    assert_allclose(ka.density_from_indicators(TRIANGLES, indicators * scale), expected, rtol=1e-12)
 
 
 def test_sizes_whose_density_is_no_number():

@@ -6,6 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 import skfem
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import BilinearForm, LinearForm
 from skfem.helpers import dot
 
@@ -93,7 +94,7 @@ def along(space, x, element):
 
 
 def close(found, expected, tolerance=1e-12):
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * max(np.abs(expected).max(), 1e-300))
+    assert_allclose(found, expected, rtol=0.0, atol=tolerance * max(np.abs(expected).max(), 1e-300))
 
 
 def test_matrices_are_the_derivatives_of_the_residual(space):
@@ -169,7 +170,7 @@ def test_means_of_a_flux_around_an_axis_have_its_loads(space):
     loads = (space.against_gradients(flux) - space.against_functions(source)) / space.volumes
     missing = np.einsum("ck,cik->ik", means, space.hats) - source / 3.0 - loads
     touching = inner & (space.kind > 0)
-    np.testing.assert_allclose(missing[touching], 0.0, atol=1e-11 * np.abs(loads).max())
+    assert_allclose(missing[touching], 0.0, atol=1e-11 * np.abs(loads).max())
 
 
 @pytest.mark.parametrize(
@@ -182,7 +183,7 @@ def test_all_is_as_of_scikit_fem(order, dim, curved, law):
     mesh = plane(curved) if dim == 2 else solid(curved)
     space = Space(mesh, order, np.full(mesh.t.shape[1], law))
     basis = skfem.Basis(mesh, ELEMENTS[order, dim](), intorder=2)
-    np.testing.assert_array_equal(space.unknowns, basis.element_dofs)
+    assert_array_equal(space.unknowns, basis.element_dofs)
     close(space.doflocs, basis.doflocs, 1e-14)
     parts = [(space.curved == part, rule_of(space, order, part, law)) for part in (False, True)]
     bases = [

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from skfem import ElementTetP2, ElementTriP3
 
 from kohonen_adapt.mesh.elements.functions import (
@@ -28,10 +29,10 @@ def polynomial(barycentric, order):
 def test_functions_are_one_at_their_node_and_reproduce_polynomials(order, dim, spread):
     at = nodes(order, dim, spread)
     values, _ = reference_functions(at, order, spread=spread)
-    np.testing.assert_allclose(values, np.eye(len(at)), atol=1e-11)
+    assert_allclose(values, np.eye(len(at)), atol=1e-11)
     values, _ = reference_functions(POINTS[dim], order, spread=spread)
-    np.testing.assert_allclose(polynomial(at, order) @ values, polynomial(POINTS[dim], order), atol=1e-11)
-    np.testing.assert_allclose(values.sum(axis=0), 1.0, atol=1e-11)
+    assert_allclose(polynomial(at, order) @ values, polynomial(POINTS[dim], order), atol=1e-11)
+    assert_allclose(values.sum(axis=0), 1.0, atol=1e-11)
 
 
 @pytest.mark.parametrize(("dim", "kind"), [(1, 0), *((2, kind) for kind in range(7)), (3, 0)])
@@ -41,7 +42,7 @@ def test_slopes_are_the_derivatives_of_the_values(order, dim, kind):
     _, slopes = reference_functions(at, order, kind)
     for axis, direction in enumerate(np.eye(dim + 1)[1:] - np.eye(dim + 1)[0]):
         ends = [reference_functions(at + sign * step * direction, order, kind)[0] for sign in (1.0, -1.0)]
-        np.testing.assert_allclose((ends[0] - ends[1]) / (2.0 * step), slopes[:, axis], atol=1e-6 * abs(slopes).max())
+        assert_allclose((ends[0] - ends[1]) / (2.0 * step), slopes[:, axis], atol=1e-6 * abs(slopes).max())
 
 
 @pytest.mark.parametrize(
@@ -49,11 +50,11 @@ def test_slopes_are_the_derivatives_of_the_values(order, dim, kind):
 )
 def test_functions_of_low_orders_are_those_of_scikit_fem(element, order, dim):
     values, slopes = reference_functions(POINTS[dim], order)
-    np.testing.assert_allclose(nodes(order, dim, False)[:, 1:], element.doflocs, atol=1e-15)
+    assert_allclose(nodes(order, dim, False)[:, 1:], element.doflocs, atol=1e-15)
     for i in range(len(values)):
         value, slope = element().lbasis(POINTS[dim].T[1:], i)
-        np.testing.assert_allclose(values[i], value, atol=1e-14)
-        np.testing.assert_allclose(slopes[i], np.broadcast_to(np.stack(slope), slopes[i].shape), atol=1e-13)
+        assert_allclose(values[i], value, atol=1e-14)
+        assert_allclose(slopes[i], np.broadcast_to(np.stack(slope), slopes[i].shape), atol=1e-13)
 
 
 def test_hierarchical_functions_are_those_of_the_kernels():
@@ -61,9 +62,9 @@ def test_hierarchical_functions_are_those_of_the_kernels():
     values, _ = hierarchical(POINTS[2], 3)
     expected = [a, b, c, 4.0 * b * c, 4.0 * c * a, 4.0 * a * b]
     expected += [13.5 * b * c * (c - b), 13.5 * c * a * (a - c), 13.5 * a * b * (b - a), 27.0 * a * b * c]
-    np.testing.assert_allclose(values, expected, atol=1e-15)
+    assert_allclose(values, expected, atol=1e-15)
     first, second = POINTS[3].T[[0, 0, 0, 1, 1, 2]], POINTS[3].T[[1, 2, 3, 2, 3, 3]]
-    np.testing.assert_allclose(hierarchical(POINTS[3], 2)[0][4:], 4.0 * first * second, atol=1e-15)
+    assert_allclose(hierarchical(POINTS[3], 2)[0][4:], 4.0 * first * second, atol=1e-15)
 
 
 @pytest.mark.parametrize("order", [1, 3, 6])
@@ -72,16 +73,16 @@ def test_kinds_at_an_axis_may_differ_between_points(order):
     values, slopes = near_axis(POINTS[2], order, kind)
     for point, own in enumerate(kind):
         value, slope = near_axis(POINTS[2][point : point + 1], order, int(own))
-        np.testing.assert_allclose(values[:, point], value[:, 0], rtol=1e-14, atol=1e-15)
-        np.testing.assert_allclose(slopes[..., point], slope[..., 0], rtol=1e-14, atol=1e-14)
+        assert_allclose(values[:, point], value[:, 0], rtol=1e-14, atol=1e-15)
+        assert_allclose(slopes[..., point], slope[..., 0], rtol=1e-14, atol=1e-14)
 
 
 def test_functions_of_a_side_are_traces():
     at = np.linspace(0.0, 1.0, 7)
     on_side = np.stack([1.0 - at, at, np.zeros(7)], axis=1)
     values, _ = reference_functions(on_side, 5)
-    np.testing.assert_allclose(reference_functions(on_side[:, :2], 5)[0], values[[0, 1, 3, 4, 5, 6]], atol=1e-13)
-    np.testing.assert_allclose(positions(5, True) + positions(5, True)[::-1], 1.0, atol=0.0)
+    assert_allclose(reference_functions(on_side[:, :2], 5)[0], values[[0, 1, 3, 4, 5, 6]], atol=1e-13)
+    assert_allclose(positions(5, True) + positions(5, True)[::-1], 1.0, atol=0.0)
 
 
 def test_products_on_a_side_integrate_squares():

@@ -6,7 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import skfem
+from helpers import tetrahedra
 from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
+from helpers.tetrahedra import hollow
+from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt
@@ -21,6 +24,9 @@ MESHES = {
     "comb": comb(10),
     "slit": slit(6),
     "tetrahedra": MeshTet().refined(1),
+    "hollow": hollow(3),
+    "comb of tetrahedra": tetrahedra.comb(5),
+    "slit of tetrahedra": tetrahedra.slit(4),
 }
 
 
@@ -36,7 +42,7 @@ def turned(mesh, seed):
 def assert_numbered_as_scikit_fem_does(mesh):
     facets, t2f = mesh.build_entities(mesh.t, mesh.elem.refdom.facets)
     for mine, theirs in ((mesh.facets, facets), (mesh.t2f, t2f), (mesh.f2t, mesh.build_inverse(mesh.t, t2f))):
-        np.testing.assert_array_equal(mine, theirs)
+        assert_array_equal(mine, theirs)
         assert mine.dtype == theirs.dtype
         assert mine.flags.c_contiguous
 
@@ -105,7 +111,7 @@ def test_names_are_put_on_where_scikit_fem_looks_for_them(no_sorting):
     moved = remade(mesh, 2.0 * mesh.p, mesh.t, boundaries=mesh.boundaries, subdomains={"core": rows})
     assert moved.boundaries["side"] is facets and moved.subdomains["core"] is rows and mesh.subdomains is None
     assert type(moved) is type(mesh)
-    np.testing.assert_array_equal(moved.p, 2.0 * mesh.p)
+    assert_array_equal(moved.p, 2.0 * mesh.p)
     assert remade(mesh, mesh.p, mesh.t, boundaries=None, subdomains=None).boundaries is None
 
 
@@ -117,4 +123,4 @@ def test_a_relocated_mesh_knows_its_own_facets(topology):
     assert np.any(moved.t != mesh.t) == (topology == "flip")
     assert hasattr(moved, "_facets")
     assert_numbered_as_scikit_fem_does(moved)
-    np.testing.assert_array_equal(moved.p[0, moved.facets[:, moved.boundaries["left"]]], 0.0)
+    assert_array_equal(moved.p[0, moved.facets[:, moved.boundaries["left"]]], 0.0)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import centres, circle, disk, l_shape, ring, shells, square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
@@ -46,8 +47,8 @@ def test_a_rotor_and_a_stator_become_one():
     mesh = ka.merge(inner, outer)
     assert mesh.is_valid() and mesh.p.shape[1] == inner.p.shape[1] + outer.p.shape[1] - N
     assert mesh.p.flags.c_contiguous and mesh.t.flags.c_contiguous
-    np.testing.assert_array_equal(mesh.p[:, mesh.t[:, : inner.nelements]], inner.p[:, inner.t])
-    np.testing.assert_allclose(centres(mesh)[:, inner.nelements :], centres(outer), atol=1e-15)
+    assert_array_equal(mesh.p[:, mesh.t[:, : inner.nelements]], inner.p[:, inner.t])
+    assert_allclose(centres(mesh)[:, inner.nelements :], centres(outer), atol=1e-15)
     assert {name: area(mesh)[rows].sum() for name, rows in mesh.subdomains.items()} == pytest.approx(
         {
             "iron": area(inner)[inner.subdomains["iron"]].sum(),
@@ -56,13 +57,13 @@ def test_a_rotor_and_a_stator_become_one():
         }
     )
     radius = np.hypot(*mesh.p)
-    np.testing.assert_allclose(radius[mesh.facets[:, mesh.boundaries["rim"]]], 0.5)
-    np.testing.assert_array_equal(mesh.boundaries["rim"], mesh.boundaries["inner"])
+    assert_allclose(radius[mesh.facets[:, mesh.boundaries["rim"]]], 0.5)
+    assert_array_equal(mesh.boundaries["rim"], mesh.boundaries["inner"])
     assert np.all(mesh.f2t[1, mesh.boundaries["rim"]] >= 0)
-    np.testing.assert_allclose(np.unique(np.round(radius[mesh.facets[:, mesh.boundaries["outer"]]], 9)), [0.5, 1.0])
+    assert_allclose(np.unique(np.round(radius[mesh.facets[:, mesh.boundaries["outer"]]], 9)), [0.5, 1.0])
     assert len(mesh.boundaries["outer"]) == N + 2
     for was, now in zip(before, bits(inner, outer), strict=True):
-        np.testing.assert_array_equal(was, now)
+        assert_array_equal(was, now)
 
 
 def test_the_field_is_that_of_one_mesh():
@@ -183,9 +184,9 @@ def test_what_turns_is_carried_and_the_rest_stays(steps):
     assert new.is_valid() and new.p.shape == mesh.p.shape and new.p.flags.c_contiguous
     turns = np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"])
     wanted = np.where(turns, np.exp(1j * angle), 1.0) * (centres(mesh)[0] + 1j * centres(mesh)[1])
-    np.testing.assert_allclose(centres(new)[0] + 1j * centres(new)[1], wanted, atol=1e-14)
+    assert_allclose(centres(new)[0] + 1j * centres(new)[1], wanted, atol=1e-14)
     for name, rows in mesh.subdomains.items():
-        np.testing.assert_array_equal(new.subdomains[name], rows)
+        assert_array_equal(new.subdomains[name], rows)
     assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
     x, y = new.p[:, new.facets[:, new.boundaries["pole"]]].mean(axis=1)
     assert np.all(np.cos(angle) * x + np.sin(angle) * y > 0.0)
@@ -196,11 +197,11 @@ def test_what_turns_is_carried_and_the_rest_stays(steps):
 def test_turned_by_nothing_and_there_and_back():
     mesh = machine()
     same = ka.turned(mesh, ["rotor"], 0.0)
-    np.testing.assert_array_equal(same.p, mesh.p)
-    np.testing.assert_array_equal(same.t, mesh.t)
+    assert_array_equal(same.p, mesh.p)
+    assert_array_equal(same.t, mesh.t)
     back = ka.turned(ka.turned(mesh, "rotor", 5 * np.pi / 48), "rotor", -5 * np.pi / 48)
-    np.testing.assert_allclose(back.p, mesh.p, atol=1e-15)
-    np.testing.assert_array_equal(back.t, mesh.t)
+    assert_allclose(back.p, mesh.p, atol=1e-15)
+    assert_array_equal(back.t, mesh.t)
 
 
 def on_arcs(mesh):
@@ -217,15 +218,15 @@ def test_bent_sides_turn_with_their_elements():
     mesh, angle = on_arcs(machine()), 2 * np.pi * 7 / 96
     new, straight = ka.turned(mesh, "rotor", angle), ka.turned(machine(), "rotor", angle)
     assert type(new) is MeshTri2 and new.p.flags.c_contiguous
-    np.testing.assert_array_equal(corners_of(new).p, straight.p)
-    np.testing.assert_array_equal(new.t, straight.t)
-    np.testing.assert_allclose(area(new), area(mesh), rtol=1e-9)
+    assert_array_equal(corners_of(new).p, straight.p)
+    assert_array_equal(new.t, straight.t)
+    assert_allclose(area(new), area(mesh), rtol=1e-9)
     assert {name: len(rows) for name, rows in new.boundaries.items()} == {"pole": 24, "ring": 96, "outer": 96}
     turn = np.where(np.isin(np.arange(mesh.nelements), mesh.subdomains["rotor"]), np.exp(1j * angle), 1.0)
     was, now = (each[0].T + 1j * each[1].T for each in map(midside_offsets, (mesh, new)))
-    np.testing.assert_allclose(now, turn[:, None] * was, atol=1e-12)  # the circle is whole: nodes keep their numbers
+    assert_allclose(now, turn[:, None] * was, atol=1e-12)  # the circle is whole: nodes keep their numbers
     back = ka.turned(new, "rotor", -angle)
-    np.testing.assert_allclose(back.p, mesh.p, atol=1e-14)
+    assert_allclose(back.p, mesh.p, atol=1e-14)
 
 
 def by_place(mesh):
@@ -241,13 +242,13 @@ def test_bent_meshes_become_one_with_their_bends():
     for one, other in ((on_arcs(inner), outer), (inner, outer), (outer, on_arcs(inner))):
         mesh = ka.merge(one, other)
         assert type(mesh) is MeshTri2
-        np.testing.assert_array_equal(corners_of(mesh).p, ka.merge(corners_of(one), corners_of(other)).p)
+        assert_array_equal(corners_of(mesh).p, ka.merge(corners_of(one), corners_of(other)).p)
         (x, found), (_, first), (_, second) = (by_place(each) for each in (mesh, one, other))
-        np.testing.assert_allclose(found[one.nelements :], second, atol=1e-15)
+        assert_allclose(found[one.nelements :], second, atol=1e-15)
         differ = np.abs(found[: one.nelements] - first).max(axis=(1, 2)) > 1e-15
         assert np.sum(differ) == (N if one is inner else 0)
         assert np.all(np.hypot(*x[: one.nelements][differ].T).max(axis=0) > 0.49)
-        np.testing.assert_allclose(area(mesh).sum(), np.pi, rtol=1e-3)
+        assert_allclose(area(mesh).sum(), np.pi, rtol=1e-3)
     assert not np.any(offsets_of_sides(ka.merge(inner, stator())))
 
 
@@ -266,7 +267,7 @@ def test_what_is_turned_out_of_a_sector_stays_there(oriented):
     ring_ = new.boundaries["ring"]
     assert new.p.shape[1] == mesh.p.shape[1] + 3 and len(ring_) == 15
     assert len(np.intersect1d(ring_, new.boundary_facets())) == 6
-    np.testing.assert_allclose(np.hypot(*new.p[:, new.facets[:, ring_]]), 1.0)
+    assert_allclose(np.hypot(*new.p[:, new.facets[:, ring_]]), 1.0)
     assert isinstance(ring_, OrientedBoundary) == oriented
     if oriented:
         between = new.f2t[1, np.asarray(ring_)] >= 0
@@ -285,7 +286,7 @@ def test_a_ring_between_two_circles_turns_about_another_centre():
     mesh = mesh.with_subdomains({"gap": np.flatnonzero(between)})
     new = ka.turned(mesh, "gap", np.pi / 48, centre=(3.0, -1.0))
     assert new.is_valid() and area(new).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
-    np.testing.assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)
+    assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)
 
 
 def uneven():

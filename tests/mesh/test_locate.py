@@ -6,6 +6,7 @@ from helpers import meshes, tetrahedra
 from helpers.meshes import generic_square, perturbed, square
 from helpers.solids import box
 from helpers.tetrahedra import fichera, generic_cube, hollow, thrown, turned
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import LinearNDInterpolator
 from skfem import MeshTet
 
@@ -87,7 +88,7 @@ def test_points_are_found_in_the_element_that_holds_them_and_nowhere_else(name):
     assert clear.sum() > 390
     for search in (ka.find_elements, elements_at):
         found = search(mesh, x)
-        np.testing.assert_array_equal(found[clear] >= 0, depth.max(axis=0)[clear] > 0)
+        assert_array_equal(found[clear] >= 0, depth.max(axis=0)[clear] > 0)
         inside = np.flatnonzero(found >= 0)
         assert depth[found[inside], inside].min() > -1e-9
         assert 50 < len(inside) < 390
@@ -114,9 +115,9 @@ def test_linear_functions_are_reproduced_and_outside_there_is_nan(name):
     slope = np.array([-3.0, 0.5, 1.0])[: len(size)]
     linear = lambda x: 2.0 + slope @ ((x - mesh.p[:, :1]) / size)  # noqa: E731
     values = ka.interpolate(mesh, linear(mesh.p), x)
-    np.testing.assert_array_equal(np.isnan(values), ka.find_elements(mesh, x) < 0)
+    assert_array_equal(np.isnan(values), ka.find_elements(mesh, x) < 0)
     inside = ~np.isnan(values)
-    np.testing.assert_allclose(values[inside], linear(x[:, inside]), atol=1e-8)
+    assert_allclose(values[inside], linear(x[:, inside]), atol=1e-8)
 
 
 @pytest.mark.parametrize("mesh", [generic_square(9, 3), generic_cube(4, 3)], ids=["plane", "space"])
@@ -126,9 +127,9 @@ def test_values_are_those_of_an_independent_interpolation(mesh):
     element = ka.find_elements(mesh, x)
     by_hand = np.sum(shares(mesh, x)[:, element, np.arange(500)] * values[mesh.t[:, element]], axis=0)
     found = ka.interpolate(mesh, values, x)
-    np.testing.assert_allclose(found, by_hand, rtol=1e-9)
+    assert_allclose(found, by_hand, rtol=1e-9)
     if len(mesh.p) == 2:  # of tetrahedra there are several of Delaunay's for one set of points
-        np.testing.assert_allclose(found, LinearNDInterpolator(mesh.p.T, values)(x.T), rtol=1e-9)
+        assert_allclose(found, LinearNDInterpolator(mesh.p.T, values)(x.T), rtol=1e-9)
 
 
 @pytest.mark.parametrize("mesh", [square(3), box(3)], ids=["plane", "space"])
@@ -149,7 +150,7 @@ def test_a_nan_in_the_values_stays_where_it_is():
     values[0] = np.nan
     mesh = square(3)
     result = ka.interpolate(mesh, values, mesh.p[:, mesh.t].mean(axis=1))
-    np.testing.assert_array_equal(np.isnan(result), (mesh.t == 0).any(axis=0))
+    assert_array_equal(np.isnan(result), (mesh.t == 0).any(axis=0))
 
 
 @pytest.mark.parametrize("mesh", [perturbed(meshes.l_shape(3), 1), thrown(fichera(2), 1)], ids=["plane", "space"])
@@ -157,7 +158,7 @@ def test_a_nan_in_the_values_stays_where_it_is():
 def test_location_does_not_depend_on_the_size_of_the_mesh(mesh, exponent):
     x, scale = points_around(mesh), 2.0**exponent
     scaled = type(mesh)(scale * mesh.p, mesh.t)
-    np.testing.assert_array_equal(ka.find_elements(scaled, scale * x), ka.find_elements(mesh, x))
+    assert_array_equal(ka.find_elements(scaled, scale * x), ka.find_elements(mesh, x))
 
 
 def test_the_order_and_number_of_points_do_not_matter():
@@ -166,8 +167,8 @@ def test_the_order_and_number_of_points_do_not_matter():
     x = np.random.default_rng(0).uniform(-0.05, 1.05, (3, 20_000))
     found = ka.find_elements(mesh, x)
     back = np.random.default_rng(1).permutation(x.shape[1])
-    np.testing.assert_array_equal(ka.find_elements(mesh, x[:, back]), found[back])
-    np.testing.assert_array_equal(ka.find_elements(mesh, x[:, :50]), found[:50])
+    assert_array_equal(ka.find_elements(mesh, x[:, back]), found[back])
+    assert_array_equal(ka.find_elements(mesh, x[:, :50]), found[:50])
 
 
 def tessellated(mesh):
@@ -187,7 +188,7 @@ def test_a_walk_from_any_element_ends_where_a_search_does(name, across_regions):
     if not across_regions:
         start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
     found = walk_to_elements(tessellation, points, start, across_regions)
-    np.testing.assert_array_equal(found, np.arange(len(points)))
+    assert_array_equal(found, np.arange(len(points)))
 
 
 @pytest.mark.parametrize("mesh", [square(8), box(8)], ids=["plane", "space"])
@@ -208,7 +209,7 @@ def test_rows_that_are_not_in_use_hold_no_point():
     node[row], region[row] = tet.elements.node, tet.elements.region
     neighbour[row] = np.where(tet.elements.neighbour < 0, -1, row[tet.elements.neighbour])
     tet.set_arrays(tet.position, tet.elements._replace(node=node, neighbour=neighbour, region=region, patch=patch))
-    np.testing.assert_array_equal(Locator(tet).find(x), row[found])
+    assert_array_equal(Locator(tet).find(x), row[found])
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from kohonen_adapt.mesh.shapes import (
     density_and_shape,
@@ -30,18 +31,16 @@ def test_density_and_shape_are_those_of_the_eigenvalues(dim, long, ratio):
     eigenvalues[:, : min(long, dim - 1)] = ratio**2
     tensors = turned(eigenvalues, np.random.default_rng(0))
     density, shape = density_and_shape(tensors)
-    np.testing.assert_allclose(density, np.sqrt(eigenvalues.prod(axis=1)), rtol=1e-15 * (ratio**2 + 10))
-    np.testing.assert_allclose(
-        density[:, None, None] ** (2.0 / dim) * unpacked(shape), tensors, rtol=1e-12, atol=1e-12 * ratio**2
-    )
+    assert_allclose(density, np.sqrt(eigenvalues.prod(axis=1)), rtol=1e-15 * (ratio**2 + 10))
+    assert_allclose(density[:, None, None] ** (2.0 / dim) * unpacked(shape), tensors, rtol=1e-12, atol=1e-12 * ratio**2)
 
 
 @pytest.mark.parametrize("dim", DIMS)
 def test_multiples_of_the_identity_are_round(dim):
     size = np.random.default_rng(0).uniform(1e-5, 1e5, 1000)
     density, shape = density_and_shape(np.eye(dim) * size[:, None, None])
-    np.testing.assert_allclose(density, size ** (dim / 2.0), rtol=1e-15)
-    np.testing.assert_allclose(shape, round_shapes(1000, dim), rtol=1e-15)
+    assert_allclose(density, size ** (dim / 2.0), rtol=1e-15)
+    assert_allclose(shape, round_shapes(1000, dim), rtol=1e-15)
 
 
 @pytest.mark.parametrize("dim", DIMS)
@@ -49,7 +48,7 @@ def test_means_of_logarithms_commute_with_inverses_and_keep_determinants(dim):
     rng = np.random.default_rng(0)
     tensors = turned(np.exp(rng.uniform(-3.0, 3.0, (60, dim))), rng).reshape(20, 3, dim, dim)
     means = mean_tensors(tensors)
-    np.testing.assert_allclose(np.linalg.inv(means), mean_tensors(np.linalg.inv(tensors)), rtol=1e-10, atol=1e-12)
+    assert_allclose(np.linalg.inv(means), mean_tensors(np.linalg.inv(tensors)), rtol=1e-10, atol=1e-12)
     determinants = np.exp(np.log(np.linalg.det(tensors)).mean(axis=1))
-    np.testing.assert_allclose(np.linalg.det(means), determinants, rtol=1e-11)
-    np.testing.assert_array_equal(mean_tensors(tensors[:, :1]), tensors[:, 0])
+    assert_allclose(np.linalg.det(means), determinants, rtol=1e-11)
+    assert_array_equal(mean_tensors(tensors[:, :1]), tensors[:, 0])

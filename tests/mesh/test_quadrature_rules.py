@@ -4,6 +4,7 @@ from math import factorial, prod
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from kohonen_adapt.mesh.elements.rules import (
     LAW_RULE_IN_SPACE,
@@ -17,7 +18,7 @@ from kohonen_adapt.mesh.elements.rules import (
 def check(rule, degree, tolerance):
     (points, weights), dim = rule, rule[0].shape[1] - 1
     assert points.min() > 0.0 and weights.min() > 0.0
-    np.testing.assert_allclose(points.sum(axis=1), 1.0, rtol=1e-14)
+    assert_allclose(points.sum(axis=1), 1.0, rtol=1e-14)
     for powers in filter(lambda powers: sum(powers) <= degree, np.ndindex((degree + 1,) * dim)):
         exact = factorial(dim) * prod(factorial(power) for power in powers) / factorial(dim + sum(powers))
         assert abs(weights @ np.prod(points[:, :dim] ** powers, axis=1) - exact) < tolerance

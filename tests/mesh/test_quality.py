@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import areas_of, generic_square, perturbed, square
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 from kohonen_adapt import quality
@@ -43,11 +44,11 @@ def test_quality_is_the_formula_and_at_most_1():
 def test_areas_have_signs_that_sorted_elements_do_not_show():
     mesh = square(4)
     assert np.sum(signed_area(mesh) < 0) > 0
-    np.testing.assert_allclose(area(mesh), 1 / 32)
-    np.testing.assert_allclose(areas_of(Triangulation.of(mesh)), area(mesh))
+    assert_allclose(area(mesh), 1 / 32)
+    assert_allclose(areas_of(Triangulation.of(mesh)), area(mesh))
 
 
 def test_quality_does_not_depend_on_the_order_of_nodes():
     mesh = perturbed(square(4), 2)
     turned = MeshTri(mesh.p, mesh.t[[1, 2, 0]], sort_t=False)
-    np.testing.assert_allclose(quality(turned), quality(mesh), rtol=1e-13)
+    assert_allclose(quality(turned), quality(mesh), rtol=1e-13)

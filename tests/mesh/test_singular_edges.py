@@ -6,6 +6,7 @@ from helpers.magnet_solids import blocks, nested_balls
 from helpers.meshes import disk, square
 from helpers.solids import box, extruded
 from helpers.tetrahedra import fichera
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTetP2, MeshTet
 
 import kohonen_adapt as ka
@@ -63,7 +64,7 @@ def test_an_l_shaped_prism_has_one_edge_that_goes_on_in_mirror_images():
     mesh = prism()
     for order in (1, 2):
         edges, corners = found(mesh, lambda x: (x[2] > 1e-9) & (x[2] < 1 - 1e-9), order)
-        np.testing.assert_allclose(mesh.p[:2, edges], 0.0, atol=1e-12)
+        assert_allclose(mesh.p[:2, edges], 0.0, atol=1e-12)
         assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
 
 
@@ -71,7 +72,7 @@ def test_an_edge_that_ends_obliquely_has_a_corner_there():
     mesh = prism()
     mesh = MeshTet(mesh.p * (1.0 + np.outer([0.0, 0.0, 0.5], mesh.p[0])), mesh.t)  # the upper end is tilted
     _, corners = found(mesh)
-    np.testing.assert_allclose(mesh.p[:, corners], [[0.0], [0.0], [1.0]], atol=1e-12)
+    assert_allclose(mesh.p[:, corners], [[0.0], [0.0], [1.0]], atol=1e-12)
 
 
 def test_ficheras_corner_has_three_edges():
@@ -98,11 +99,11 @@ def test_faces_at_right_angles_have_no_singular_edge(order, axes):
 def test_a_change_of_condition_on_a_plane_is_an_edge():
     mesh = box(4)
     edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[0] < 0.5))
-    np.testing.assert_allclose(mesh.p[::2, edges], np.broadcast_to([[[0.5]], [[0.0]]], (2, 2, 4)))
+    assert_allclose(mesh.p[::2, edges], np.broadcast_to([[[0.5]], [[0.0]]], (2, 2, 4)))
     assert corners.size == 0
     edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[:2] < 0.5).all(axis=0))
     assert length(mesh, edges) == pytest.approx(1.0)
-    np.testing.assert_allclose(mesh.p[:, corners], [[0.5], [0.5], [0.0]])
+    assert_allclose(mesh.p[:, corners], [[0.5], [0.5], [0.0]])
 
 
 def test_iron_in_air():
@@ -136,14 +137,14 @@ def test_symmetry_planes_that_cut_a_magnet_have_no_edges(parallel):
         region=region_of(mesh, "magnet"),
     )
     assert length(mesh, edges) == pytest.approx(2.0 if parallel else 1.5)
-    np.testing.assert_allclose(np.sort(mesh.p[2, corners]), [0.25, 0.75])
+    assert_allclose(np.sort(mesh.p[2, corners]), [0.25, 0.75])
 
 
 def test_four_squares_that_touch_along_a_line():
     mesh = box(4)
     x, y, _ = mesh.p[:, mesh.t].mean(axis=1) - 0.5
     edges, corners = found(mesh, lambda x: x[0] < 1e-9, coefficient=[1.0, 1000.0], region=(x * y > 0).astype(int))
-    np.testing.assert_allclose(mesh.p[:2, edges], 0.5)
+    assert_allclose(mesh.p[:2, edges], 0.5)
     assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
 
 
@@ -213,7 +214,7 @@ def test_upright_edges_are_singular_where_the_plane_is(seed):
     edges, _ = found(mesh, fixed, 2, coefficient=coefficient, region=np.tile(region, 6))
     upright = np.ptp(mesh.p[2, edges], axis=0) > 1e-9
     assert upright.all()
-    np.testing.assert_array_equal(np.unique(edges % flat.nvertices), nodes)
+    assert_array_equal(np.unique(edges % flat.nvertices), nodes)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -228,9 +229,9 @@ def test_orders_of_nodes_and_elements_do_not_matter(seed):
         t = rng.permuted(node[mesh.t[:, element]], axis=0)
         turned = MeshTet(p, t)
         own, own_corners = found(turned, region=region[element], **tables)
-        np.testing.assert_array_equal(own, np.unique(np.sort(node[edges], axis=0), axis=1))
-        np.testing.assert_array_equal(own_corners, np.sort(node[corners]))
-        np.testing.assert_array_equal(turned.t, t)
+        assert_array_equal(own, np.unique(np.sort(node[edges], axis=0), axis=1))
+        assert_array_equal(own_corners, np.sort(node[corners]))
+        assert_array_equal(turned.t, t)
 
 
 def test_parts_that_touch_along_an_edge():
@@ -248,8 +249,8 @@ def test_a_scalar_potential_has_the_edges_of_its_functional():
         field = problem.solve(mesh)
         edges, corners = problem.singular_edges(mesh, field)
         of_ritz = singular_edges(mesh, materials_of(mesh, problem.ritz(mesh, field)))
-        np.testing.assert_array_equal(edges, of_ritz[0])
-        np.testing.assert_array_equal(corners, of_ritz[1])
+        assert_array_equal(edges, of_ritz[0])
+        assert_array_equal(corners, of_ritz[1])
         assert at_corners_of_box(mesh, corners)
 
 

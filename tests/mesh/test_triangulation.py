@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import generic_square, named, perturbed, ring, slit
+from numpy.testing import assert_array_equal
 
 from kohonen_adapt.mesh.adjacency import neighbours_of
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -35,7 +36,7 @@ def test_regions_are_connected_sets_of_one_material_in_the_order_of_their_elemen
             e = stack.pop()
             slow[e] = count - 1
             stack += [o for o in elements.neighbour[e] if o >= 0 and slow[o] < 0 and names[o] == names[e]]
-    np.testing.assert_array_equal(region, slow)
+    assert_array_equal(region, slow)
 
 
 def test_the_star_follows_the_elements():

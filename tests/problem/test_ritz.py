@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import generic_square, inset, junction, l_shape, named, slit, square
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules, Schedule, Stage
@@ -106,7 +107,7 @@ def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
         number[rows] = k
     data = np.column_stack([coefficient, source, flux.T])[number]
     ours = functional.constants[movable.triangulation.elements.region]
-    np.testing.assert_array_equal(ours, data)
+    assert_array_equal(ours, data)
 
 
 def test_which_given_values_let_meshes_be_compared():
@@ -173,8 +174,8 @@ def test_where_nothing_moved_a_solution_is_what_it_was(build):
     rng = np.random.default_rng(0)
     ritz = Ritz(rng.normal(size=mesh.p.shape[1]), np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
     _, values, fixed = carried_by(mesh, ritz, lambda movable: None)
-    np.testing.assert_allclose(values, ritz.values, atol=1e-12)
-    np.testing.assert_array_equal(fixed, ritz.fixed)
+    assert_allclose(values, ritz.values, atol=1e-12)
+    assert_array_equal(fixed, ritz.fixed)
 
 
 @pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
@@ -186,8 +187,8 @@ def test_where_nodes_moved_a_solution_is_what_it_was_there(build):
     )
     after = movable.mesh()
     assert np.abs(after.p - mesh.p).max() > 0.1
-    np.testing.assert_allclose(values, ka.interpolate(mesh, ritz.values, after.p), atol=1e-9)
-    np.testing.assert_array_equal(np.flatnonzero(fixed), np.sort(after.boundary_nodes()))
+    assert_allclose(values, ka.interpolate(mesh, ritz.values, after.p), atol=1e-9)
+    assert_array_equal(np.flatnonzero(fixed), np.sort(after.boundary_nodes()))
 
 
 def test_a_corner_keeps_what_is_given_there_whichever_node_is_in_it():
@@ -206,8 +207,8 @@ def test_a_corner_keeps_what_is_given_there_whichever_node_is_in_it():
     movable, values, fixed = carried_by(mesh, ritz, pull_at_the_corner, rules)
     x, y = movable.mesh().p
     assert np.any((kind == HELD) & (movable.constraints.kind == SLIDING))  # a corner was handed over
-    np.testing.assert_array_equal(fixed, x == 0.0)
-    np.testing.assert_allclose(values, x + 2 * y, atol=1e-12)
+    assert_array_equal(fixed, x == 0.0)
+    assert_allclose(values, x + 2 * y, atol=1e-12)
 
 
 def test_given_values_that_are_linear_are_looked_up_on_their_chain():
@@ -218,8 +219,8 @@ def test_given_values_that_are_linear_are_looked_up_on_their_chain():
     movable, values, fixed = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: x[0] < 0.3))
     x, y = movable.mesh().p
     assert np.any((x == 0.0) & (y != mesh.p[1]))
-    np.testing.assert_array_equal(fixed, x == 0.0)
-    np.testing.assert_allclose(values[fixed], 2 * y[fixed] - 1, rtol=0, atol=1e-15)
+    assert_array_equal(fixed, x == 0.0)
+    assert_allclose(values[fixed], 2 * y[fixed] - 1, rtol=0, atol=1e-15)
 
 
 def test_both_sides_of_a_slit_keep_their_values():
@@ -233,8 +234,8 @@ def test_both_sides_of_a_slit_keep_their_values():
     cut = (moved.p[1] == 0.5) & (moved.p[0] < 0.5)
     above = np.zeros_like(upper)
     above[moved.t[:, moved.p[1, moved.t].mean(axis=0) > 0.5]] = True
-    np.testing.assert_allclose(values[cut & above], 1.0)
-    np.testing.assert_allclose(values[cut & ~above], -1.0)
+    assert_allclose(values[cut & above], 1.0)
+    assert_allclose(values[cut & ~above], -1.0)
     assert np.any(moved.p[:, cut & above] != mesh.p[:, cut & above])
 
 
@@ -246,8 +247,8 @@ def test_a_piece_given_throughout_stays_given():
     movable, values, fixed = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: np.ones(x.shape[1])))
     after = movable.mesh()
     still = np.isin(np.arange(mesh.p.shape[1]), after.t[:, after.subdomains["core"]])
-    np.testing.assert_array_equal(fixed, still)
-    np.testing.assert_allclose(values[fixed], 2.0)
+    assert_array_equal(fixed, still)
+    assert_allclose(values[fixed], 2.0)
     kind = movable.constraints.kind
     assert np.any(fixed & (kind == FREE)) and np.any(fixed & (kind == SLIDING)) and np.any(fixed & (kind == HELD))
 
@@ -260,4 +261,4 @@ def test_far_hints_are_searched_for():
     corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
     start_element = np.full(movable.nnodes, star.element[star.start[corner]])
     values = transferred(Functional.of(ritz, movable), movable.copy(), movable, start_element).values
-    np.testing.assert_allclose(values, ritz.values, atol=1e-12)
+    assert_allclose(values, ritz.values, atol=1e-12)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.meshes import generic_square
+from numpy.testing import assert_allclose
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
@@ -67,7 +68,7 @@ def test_traces_agree_and_fall_like_the_square_of_the_distance(order):
         for element in mesh.f2t[:, inner]:
             share = (1 - at) * (mesh.t[:, element] == start) + at * (mesh.t[:, element] == end)
             sides.append(evaluated(own[element], share.T, kind[element]))
-        np.testing.assert_allclose(sides[0], sides[1], atol=1e-12)
+        assert_allclose(sides[0], sides[1], atol=1e-12)
     for k in np.unique(kind[kind > 0]):
         element = np.flatnonzero(kind == k)[:1]
         near = np.where(ON_AXIS[k], 1.0, 0.0) / ON_AXIS[k].sum()

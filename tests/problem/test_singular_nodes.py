@@ -5,6 +5,7 @@ import pytest
 from helpers.devices import two_magnets
 from helpers.exact_fields import Corner, rectangle_mesh
 from helpers.meshes import square
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -33,7 +34,7 @@ def test_the_exponent_at_iron_is_that_of_the_exact_field(permeability):
 )
 def test_closed_forms(angle, coefficient, prescribed, wanted):
     found = exponents(np.array(angle), np.array(coefficient), prescribed)
-    np.testing.assert_allclose(found[np.abs(found - 1.0) > 1e-3], wanted, atol=1e-4)
+    assert_allclose(found[np.abs(found - 1.0) > 1e-3], wanted, atol=1e-4)
 
 
 @pytest.mark.parametrize("ratio", [3.0, 10.0, 161.4476387975881, 1000.0, 1e6])
@@ -69,14 +70,14 @@ def laplace(mesh, fixed, **tables):
 def test_only_the_re_entrant_corner_of_an_l_counts():
     mesh = MeshTri.init_lshaped().refined(2)
     found = singular_nodes(mesh, laplace(mesh, None))
-    np.testing.assert_allclose(mesh.p[:, found], [[0.0], [0.0]], atol=1e-12)
+    assert_allclose(mesh.p[:, found], [[0.0], [0.0]], atol=1e-12)
 
 
 def test_a_change_of_condition_counts_and_a_right_angle_does_not():
     mesh = square(4)
     bottom = np.flatnonzero((mesh.p[1] == 0.0) & (mesh.p[0] <= 0.5))
     found = singular_nodes(mesh, laplace(mesh, bottom))
-    np.testing.assert_allclose(mesh.p[:, found], [[0.5], [0.0]])
+    assert_allclose(mesh.p[:, found], [[0.5], [0.0]])
 
 
 def test_corners_of_magnets_and_iron_count_and_straight_interfaces_do_not():
@@ -84,9 +85,9 @@ def test_corners_of_magnets_and_iron_count_and_straight_interfaces_do_not():
     field = problem.solve(mesh)
     assert problem.singular_nodes(mesh, field).size == 8
     of_ritz = singular_nodes(mesh, materials_of(mesh, problem.ritz(mesh, field)))
-    np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, field))
+    assert_array_equal(of_ritz, problem.singular_nodes(mesh, field))
     for order in (3, 6):
-        np.testing.assert_array_equal(of_ritz, problem.singular_nodes(mesh, problem.solve(mesh, order=order)))
+        assert_array_equal(of_ritz, problem.singular_nodes(mesh, problem.solve(mesh, order=order)))
     mesh = rectangle_mesh(1)
     region = (mesh.p[0, mesh.t].mean(axis=0) > 0.0).astype(int)
     assert singular_nodes(mesh, laplace(mesh, None, coefficient=[1.0, 50.0], region=region)).size == 0
