@@ -142,10 +142,10 @@ def plunger(step=MM):
     return mesh, Magnetostatics(parts, {"far": 0.0}, ampere_turns={"coil": TURNS}, axisymmetric=True, order=1)
 
 
-def machine():
-    """A pole of a machine, its sides antiperiodic."""
+def machine(across=41, around=31):
+    """A pole of a machine, its sides antiperiodic, of so many nodes across and around."""
     parts = {"coil": (0.02, 0.03, 0.35, 0.85), "hub": (0.01, 0.02, 0, PITCH), "tooth": (0.035, 0.045, 0.1, 0.5)}
-    mesh = sector(np.linspace(0.01, 0.05, 41), np.linspace(0.0, PITCH, 31), parts)
+    mesh = sector(np.linspace(0.01, 0.05, across), np.linspace(0.0, PITCH, around), parts)
     materials = {"coil": Material(current_density=6e8), "hub": STEEL, "tooth": STEEL, "air": AIR}
     return mesh, Magnetostatics(materials, {"outer": 0.0, "bore": 0.0}, antiperiodic=[("right", "left")], order=1)
 

@@ -50,10 +50,10 @@ CASES = {  # name: mesh and problem, and what the functional is known to
         f"all constants {p}": (lambda p=p: (scalar.magnet_mesh(20), scalar.Scalar(p, ALL, 1.0)), EXACT)
         for p in (1, 2, 3)
     },
-    **{f"saturated, pairs {p}": (lambda p=p: of_order(p, devices.machine), TABLE) for p in (1, 2, 3)},
+    **{f"saturated, pairs {p}": (lambda p=p: of_order(p, lambda: devices.machine(17, 13)), TABLE) for p in (1, 2, 3)},
     **{f"saturated, open boundary {p}": (lambda p=p: of_order(p, devices.shielded), TABLE) for p in (1, 2)},
     **{
-        f"around an axis {p}": (lambda p=p: of_order(p, lambda: devices.plunger(2.0 * devices.MM)), TABLE)
+        f"around an axis {p}": (lambda p=p: of_order(p, lambda: devices.plunger(3.0 * devices.MM)), TABLE)
         for p in (1, 2, 3)
     },
     **{f"varying load {p}": (lambda p=p: (l_shape(6), scalar.Varying(p)), EXACT) for p in (1, 2, 3)},
@@ -111,16 +111,14 @@ def test_the_next_solution_lies_lower_by_what_was_told(name, plan):
 
 @pytest.mark.parametrize("kind", SPACE)
 @given(seed=st.integers(0, 10**6), plan=st.sampled_from([(2,), (2, 1, 1)]))
-@settings(max_examples=6)
+@settings(max_examples=4)
 def test_so_it_does_in_space(kind, seed, plan):
     problem = SPACE[kind].random(seed)
     certified(halved_cube((2, 2, 2), 0, seed), problem, plan, TABLE if any(problem.laws) else EXACT)
 
 
-@given(seed=st.integers(0, 10**6), plan=st.sampled_from([(2,), (2, 1, 1)]))
-@settings(max_examples=2)
-def test_so_it_does_beside_coils_and_iron(seed, plan):
-    certified(driven_solids.block_mesh(seed % 4), driven_solids.random_problem(seed % 4), plan, TABLE)
+def test_so_it_does_beside_coils_and_iron():
+    certified(driven_solids.block_mesh(1), driven_solids.random_problem(1), (2, 1, 1), TABLE)
 
 
 def started(name):
