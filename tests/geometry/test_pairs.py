@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, peak_at, ring, shells, slit, square
+from helpers.paired import mismatch, rotation, sector, turned
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
@@ -12,28 +13,6 @@ from skfem.models import laplace
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
-
-
-def sector(n, angle, inner=0.4):
-    """A sector of a ring about the point (2, 1), its straight sides named."""
-    unit = square(n)
-    radius, turn = inner + (1.0 - inner) * unit.p[0], angle * unit.p[1] + 0.3
-    mesh = MeshTri(np.stack([2.0 + radius * np.cos(turn), 1.0 + radius * np.sin(turn)]), unit.t)
-    return mesh.with_boundaries(
-        {"first": unit.facets_satisfying(lambda x: x[1] == 0), "last": unit.facets_satisfying(lambda x: x[1] == 1)}
-    )
-
-
-def rotation(angle):
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
-
-def mismatch(mesh, one, other, motion):
-    """How far the moved nodes of one boundary are from those of the other; each is to have one of its own."""
-    nodes, others = (np.unique(mesh.facets[:, mesh.boundaries[name]]) for name in (one, other))
-    off, partner = KDTree(mesh.p[:, others].T).query(motion(mesh.p[:, nodes]).T)
-    assert len(nodes) == len(others) == len(np.unique(partner))
-    return off.max()
 
 
 @pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
@@ -55,11 +34,11 @@ def test_translated_sides_stay_matched(topology):
 
 @pytest.mark.parametrize(("angle", "topology"), [(0.5, "recycle"), (np.pi / 2, "flip"), (2.0, "recycle")])
 def test_rotated_sides_stay_matched(angle, topology):
-    mesh, turn, centre = sector(14, angle), rotation(angle), np.array([[2.0], [1.0]])
+    mesh = sector(14, angle)
     x, y = 2.0 + 0.5 * np.cos(0.3), 1.0 + 0.5 * np.sin(0.3)
     for seed in range(3):
         mesh = ka.relocate(mesh, peak_at(x, y), topology=topology, periodic=[("first", "last")], seed=seed)
-        assert mismatch(mesh, "first", "last", lambda p: turn @ (p - centre) + centre) < 1e-14
+        assert mismatch(mesh, "first", "last", turned(angle)) < 1e-14
 
 
 def test_a_point_beside_one_side_reaches_what_lies_beside_the_other():

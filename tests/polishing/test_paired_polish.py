@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.devices import machine
 from helpers.meshes import apart, disk, perturbed, ring, square
-from skfem import MeshTri
+from helpers.paired import sector
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -27,13 +27,9 @@ def cell():
     return mesh, {("left", "right"): -1, ("low", "top"): 1}, [("left", "right"), ("low", "top")]
 
 
-def sector():
-    """A sixth of a ring; its sides are uneven in radius."""
-    unit = square(5)
-    radius, turn = 0.4 + 0.6 * unit.p[0] ** 1.3, unit.p[1] * np.pi / 3 + 0.2
-    mesh = MeshTri(np.stack([2.0 + radius * np.cos(turn), 1.0 + radius * np.sin(turn)]), unit.t)
-    sides = {name: unit.facets_satisfying(lambda x, y=y: x[1] == y) for name, y in (("first", 0), ("last", 1))}
-    return mesh.with_boundaries(sides), {("first", "last"): -1}, [("first", "last")]
+def sixth():
+    """A sector whose sides are uneven in radius."""
+    return sector(5, np.pi / 3, power=1.3), {("first", "last"): -1}, [("first", "last")]
 
 
 def folded():
@@ -50,7 +46,7 @@ def circles():
     return mesh, {("0 rim", "1 inner"): 1}, [("0 rim", "1 inner", ka.Rotation(np.pi / 12))]
 
 
-WORLDS = {"cell": cell, "sector": sector, "folded": folded, "circles": circles}
+WORLDS = {"cell": cell, "sector": sixth, "folded": folded, "circles": circles}
 each_world = pytest.mark.parametrize("world", WORLDS)
 
 
