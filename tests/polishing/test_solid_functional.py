@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from helpers.meshes import square
 from helpers.solids import ball, box, two_regions
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
+from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.polishing.energy_tables import VariesInside
+from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.functional_value import functional_value
@@ -34,8 +37,9 @@ class Falls(Cubic):
 
 
 def functional_of(mesh, values, fixed, rules=None):
-    movable = MovableSolid.of(mesh, Rules() if rules is None else rules)
-    return movable, SolidFunctional.of(Ritz(values, fixed, 1.0), movable)
+    kinds = (MovableMesh, Functional) if mesh.dim() == 2 else (MovableSolid, SolidFunctional)
+    movable = kinds[0].of(mesh, Rules() if rules is None else rules)
+    return movable, kinds[1].of(Ritz(values, fixed, 1.0), movable)
 
 
 def halves(n=4):
@@ -87,33 +91,44 @@ def test_what_is_for_the_plane_only_is_said(reason):
         functional_value(MESH, ritz)
 
 
-def test_which_given_values_let_meshes_be_compared():
-    mesh = box(4)
-    x, y, z = mesh.p
-    left = x == 0.0
-    rim = np.any((mesh.p == 0.0) | (mesh.p == 1.0), axis=0)
-    comparable = {
-        "nothing given": (x * y, np.zeros_like(left)),
-        "constant": (1.0 + 0 * x, left),
-        "linear": (3 * y - z / 3, left),
-        "linear on every face": (2.0 * x - y + z, rim),
-        "other on other faces": (np.where(left, 0.0, 2.0 * x), left | (x == 1.0)),
-    }
-    not_comparable = {
-        "curved": (y * z, left),
-        "kinked": (np.minimum(y, z), left),
-        "a part of a face": (0 * y, left & (y < 0.6)),
-        "inside": (0 * y, (x == 0.5) & (y == 0.5) & (z == 0.5)),
-        "an edge and nothing beside it": (y**2, left & (z == 0.0)),
-    }
-    for name, (values, fixed) in comparable.items():
-        assert functional_of(mesh, values, fixed)[1].comparable, name
-    for name, (values, fixed) in not_comparable.items():
-        assert not functional_of(mesh, values, fixed)[1].comparable, name
-    told = Rules(surfaces={"rim": ka.Sphere((0.0, 0.0, 0.0), 1.0)}), Rules(surfaces={"rim": Asked()})
-    for rules, known in zip(told, (True, False), strict=True):
-        mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
-        assert functional_of(mesh, mesh.p[0], np.zeros(125, dtype=bool), rules)[1].comparable == known
+def left(x):
+    return x[0] == 0.0
+
+
+def rim(x):
+    return np.any((x == 0.0) | (x == 1.0), axis=0)
+
+
+COMPARABLE = {  # values, and where they are given
+    "nothing": (lambda x: x[0] * x[1], lambda x: x[0] < 0.0),
+    "constant": (lambda x: 1.0 + 0 * x[0], left),
+    "linear": (lambda x: 3 * x[1] - x[-1] / 3, left),
+    "linear on every side": (lambda x: 2.0 * x[0] - x[1] + x[-1], rim),
+    "other on other sides": (lambda x: np.where(left(x), 0.0, 2.0 * x[0]), lambda x: left(x) | (x[0] == 1.0)),
+}
+NOT_COMPARABLE = {
+    "curved": (lambda x: x[1] * x[-1], left),
+    "kinked": (lambda x: np.minimum(x[1], 0.5), left),
+    "on a part of a side": (lambda x: 0 * x[1], lambda x: left(x) & (x[1] < 0.6)),
+    "inside": (lambda x: 0 * x[1], lambda x: np.all(x == 0.5, axis=0)),
+}
+
+
+@pytest.mark.parametrize("mesh", [square(4), box(4)], ids=["plane", "space"])
+def test_which_given_values_let_meshes_be_compared(mesh):
+    for cases, comparable in ((COMPARABLE, True), (NOT_COMPARABLE, False)):
+        for name, (values, fixed) in cases.items():
+            assert functional_of(mesh, values(mesh.p), fixed(mesh.p))[1].comparable == comparable, name
+
+
+def test_values_given_by_edges_and_surfaces_that_loops_may_not_know_are_compared_or_not():
+    flat, solid = square(4), box(4)
+    assert functional_of(flat, np.minimum(*flat.p), rim(flat.p))[1].comparable  # linear side by side
+    assert not functional_of(solid, solid.p[1] ** 2, left(solid.p) & (solid.p[2] == 0.0))[1].comparable
+    ball_of = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
+    for surface, known in ((ka.Sphere((0.0, 0.0, 0.0), 1.0), True), (Asked(), False)):
+        rules = Rules(surfaces={"rim": surface})
+        assert functional_of(ball_of, ball_of.p[0], np.zeros(125, dtype=bool), rules)[1].comparable == known
 
 
 class Asked:

@@ -110,28 +110,6 @@ def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
     assert_array_equal(ours, data)
 
 
-def test_which_given_values_let_meshes_be_compared():
-    mesh = square(6)
-    x, y = mesh.p
-    left = x == 0.0
-    rim = left | (x == 1.0) | (y == 0.0) | (y == 1.0)
-    comparable = {
-        "nothing given": (x * y, np.zeros_like(left)),
-        "constant": (1.0 + 0 * x, left),
-        "linear": (3 * y - 1 / 3, left),
-        "linear side by side": (np.minimum(x, y), rim),
-    }
-    not_comparable = {
-        "curved": (y**2, left),
-        "a part of a side": (0 * y, left & (y < 0.6)),
-        "inside": (0 * y, (x == 0.5) & (y == 0.5)),
-    }
-    for name, (values, fixed) in comparable.items():
-        assert functional_for(mesh, values, fixed).comparable, name
-    for name, (values, fixed) in not_comparable.items():
-        assert not functional_for(mesh, values, fixed).comparable, name
-
-
 def test_nodes_whose_given_values_no_formula_carries_are_held():
     mesh = square(6)
     x, y = mesh.p

@@ -5,7 +5,7 @@ import pytest
 from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -42,18 +42,6 @@ def test_elements_are_regular_in_a_constant_metric(ratio, angle):
             mesh = ka.relocate(mesh, everywhere(mesh, tensor), topology="recycle", seed=seed)
         qualities.append(ka.quality(in_metric(mesh, tensor)).mean())
     assert np.median(qualities) > 0.8
-
-
-@pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(2, 2, 0.3),), sweeps=3)])
-@pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
-def test_round_tensors_give_the_bits_of_their_density(topology, schedule):
-    density = np.random.default_rng(0).uniform(1.0, 9.0, MESH.nelements)
-    tensors = density[:, None, None] * np.eye(2)
-    by_density, by_tensors = (
-        ka.relocate(MESH, wanted, topology=topology, schedule=schedule) for wanted in (density, tensors)
-    )
-    assert_array_equal(by_tensors.p, by_density.p)
-    assert_array_equal(by_tensors.t, by_density.t)
 
 
 def test_a_function_may_return_tensors():

@@ -6,6 +6,7 @@ from helpers.solids import box, two_regions, volumes
 from helpers.tetrahedra import thrown
 from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 
@@ -42,14 +43,20 @@ def test_edges_in_a_metric_are_as_uniform_as_those_of_a_density():
     assert slab < 1.05 * plain < 0.4 * before
 
 
+SOLID = two_regions(6)
+LEVEL = np.round(2.0 * SOLID.p[0, SOLID.t].mean(axis=0) + SOLID.p[2, SOLID.t].mean(axis=0))
+ROUND = {  # powers of two have exact roots
+    "triangles": (MeshTri().refined(4), np.random.default_rng(0).uniform(1.0, 9.0, 512), lambda density: density),
+    "tetrahedra": (SOLID, 8.0**LEVEL, lambda density: 4.0**LEVEL),
+}
+
+
 @pytest.mark.parametrize("topology", ["flip", "recycle", "fixed"])
 @pytest.mark.parametrize("schedule", [None, ka.Schedule(STAGES, sweeps=2)], ids=["sweeps", "map"])
-def test_round_tensors_give_the_mesh_of_the_density(topology, schedule):
-    mesh = two_regions(6)
-    x = mesh.p[:, mesh.t].mean(axis=1)
-    level = np.round(2.0 * x[0] + x[2])
-    wanted, tensors = 8.0**level, 4.0 ** level[:, None, None] * np.eye(3)  # powers of two, whose roots are exact
-    plain, by_tensors = (ka.relocate(mesh, d, topology=topology, schedule=schedule) for d in (wanted, tensors))
+@pytest.mark.parametrize(("mesh", "density", "factors"), ROUND.values(), ids=ROUND)
+def test_round_tensors_give_the_mesh_of_the_density(mesh, density, factors, topology, schedule):
+    tensors = factors(density)[:, None, None] * np.eye(len(mesh.p))
+    plain, by_tensors = (ka.relocate(mesh, d, topology=topology, schedule=schedule) for d in (density, tensors))
     assert_array_equal(plain.p, by_tensors.p)
     assert_array_equal(plain.t, by_tensors.t)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.meshes import area_of, areas_of, length_of, square, without_flat_elements
+from helpers.movers import movers_with
 from helpers.random_solids import cut
 from helpers.scalar_problems import Scalar
 from hypothesis import given
@@ -93,33 +94,7 @@ def facets_at_random(coarse, mesh, rng):
     return OrientedBoundary(rows, np.where(mesh.f2t[1, rows] >= 0, rng.integers(0, 2, len(rows)), 0))
 
 
-def polished(mesh, density, options):
-    more = {name: options[name] for name in ("min_quality", "pinned", "seed")}
-    return ka.polish(mesh, Scalar(source=1.0), topology=options["topology"].replace("recycle", "flip"), **more)
-
-
-def in_metric(mesh, density, options):
-    stretch = np.array([[2.0, 0.5], [0.5, 0.7]])
-    return ka.relocate(mesh, density[:, None, None] * stretch, **options)
-
-
-def adapted(mesh, density, options):
-    history = ka.adapt(mesh, Scalar(source=1.0), passes=1, **options).history
-    return history[-1].mesh
-
-
-def trained(mesh, density, options):
-    rules = {name: options[name] for name in ("min_quality", "pinned")}
-    som = ka.KohonenMap(mesh, topology=options["topology"].replace("recycle", "flip"), **rules)
-    points, weights = mesh.p[:, mesh.t].mean(axis=1), density / density.max()
-    before = points.tobytes(), weights.tobytes()
-    som.train(points, weights=weights, seed=options["seed"])
-    assert before == (points.tobytes(), weights.tobytes())
-    return som.mesh
-
-
-MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
-MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted, "map": trained}
+MOVERS = movers_with(Scalar(source=1.0), [[2.0, 0.5], [0.5, 0.7]])
 
 
 @pytest.mark.parametrize("mover", MOVERS)

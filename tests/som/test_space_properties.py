@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers.descents import descent_of
 from helpers.examples import examples
+from helpers.movers import movers_with
 from helpers.parted import Load
 from helpers.random_solids import flat_solids, round_solids
 from helpers.solids import volumes
@@ -20,26 +21,6 @@ from kohonen_adapt.polishing.polish import descend_and_recycle
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 
 
-def in_metric(mesh, density, options):
-    return ka.relocate(mesh, density[:, None, None] * np.diag([4.0, 1.0, 0.5]), **options)
-
-
-def polished(mesh, density, options):
-    more = {name: options[name] for name in ("min_quality", "pinned", "seed")}
-    return ka.polish(mesh, Load(), topology=options["topology"].replace("recycle", "flip"), **more)
-
-
-def adapted(mesh, density, options):
-    return ka.adapt(mesh, Load(), passes=1, **options).history[-1].mesh
-
-
-def trained(mesh, density, options):
-    rules = {name: options[name] for name in ("min_quality", "pinned")}
-    som = ka.KohonenMap(mesh, topology=options["topology"].replace("recycle", "flip"), **rules)
-    som.train(mesh.p[:, mesh.t].mean(axis=1), weights=density / density.max(), seed=options["seed"])
-    return som.mesh
-
-
 def exchanged(mesh, density, options):
     """By energy at order 2, of a random function."""
     rng, basis = np.random.default_rng(options["seed"]), Basis(mesh, ElementTetP2())
@@ -52,8 +33,7 @@ def exchanged(mesh, density, options):
     return solid.mesh()
 
 
-MOVERS = {"relocate": lambda mesh, density, options: ka.relocate(mesh, density, **options)}
-MOVERS |= {"metric": in_metric, "polish": polished, "adapt": adapted, "order 2": exchanged, "map": trained}
+MOVERS = movers_with(Load(), np.diag([4.0, 1.0, 0.5])) | {"order 2": exchanged}
 
 
 @pytest.mark.parametrize("mover", MOVERS)
