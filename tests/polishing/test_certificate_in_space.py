@@ -10,6 +10,7 @@ from helpers.diffusion_solids import Diffusion, Rising
 from helpers.magnet_solids import nested_balls
 from helpers.quadratic_solids import PAIRS, QuadraticDiffusion, slivers
 from helpers.solids import box, cut, halved_cube, l_shape, two_regions
+from skfem import MeshTet
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -374,3 +375,33 @@ def test_stars_count_the_loads_of_their_faces():
         of_star = [star(v, change)[0] for change in (step, -step)]
         assert of_star[0] - of_star[1] == pytest.approx(values[0] - values[1], rel=1e-5)
         assert star(v, 0.0)[1] == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=1e-4)
+
+
+def two_balls(mesh, values):
+    region = np.isin(np.arange(mesh.nelements), mesh.subdomains["air"]).astype(int)
+    return Start(mesh, ka.Ritz(values, np.zeros(mesh.nvertices, dtype=bool), [1.0, 3.0], region=region))
+
+
+def merged(mesh, v, w):
+    """The mesh with node v in node w, or None where that inverts an element."""
+    ball = np.isin(np.arange(mesh.nelements), mesh.subdomains["ball"])
+    left = ~(np.any(mesh.t == v, axis=0) & np.any(mesh.t == w, axis=0))
+    t = np.where(mesh.t == v, w, mesh.t)[:, left]
+    signs = [np.sign(np.linalg.det(np.diff(mesh.p[:, each], axis=1).T)) for each in (mesh.t[:, left], t)]
+    if not np.array_equal(*signs):
+        return None
+    after = MeshTet(np.delete(mesh.p, v, axis=1), np.ascontiguousarray(t - (t > v)))
+    return after.with_subdomains({"ball": np.flatnonzero(ball[left]), "air": np.flatnonzero(~ball[left])})
+
+
+def test_a_merge_along_a_curved_surface_costs_what_the_functional_of_the_mesh_made_has_more():
+    mesh = nested_balls(2)
+    values = mesh.p[2] + 0.3 * mesh.p[0] ** 2
+    at = two_balls(mesh, values)
+    before, cost = at.value(), at.descent.weigh(nodes_of(at.mesh)).offers.cost
+    on_ball = np.isclose(np.linalg.norm(mesh.p, axis=0), 1.0)
+    for v in np.flatnonzero(on_ball & np.isfinite(cost[: mesh.nvertices]))[:2]:
+        around = np.unique(mesh.t[:, np.any(mesh.t == v, axis=0)])
+        made = filter(None, (merged(mesh, v, w) for w in around[on_ball[around] & (around != v)]))
+        more = [two_balls(each, np.delete(values, v)).value() - before for each in made]
+        assert cost[v] == pytest.approx(min(more), rel=1e-6)
