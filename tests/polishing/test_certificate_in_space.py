@@ -379,7 +379,7 @@ def test_stars_count_the_loads_of_their_faces():
 
 def two_balls(mesh, values):
     region = np.isin(np.arange(mesh.nelements), mesh.subdomains["air"]).astype(int)
-    return Start(mesh, ka.Ritz(values, np.zeros(mesh.nvertices, dtype=bool), [1.0, 3.0], region=region))
+    return Start(mesh, ka.Ritz(values, np.zeros(mesh.nvertices, dtype=bool), [3.0, 1.0], region=region))
 
 
 def merged(mesh, v, w):
