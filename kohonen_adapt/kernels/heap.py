@@ -25,7 +25,7 @@ class Heap(NamedTuple):
 
 @inner_kernel
 def at(heap, i):
-    return heap.key[i], np.int64(heap.ends[i, 0]), np.int64(heap.ends[i, 1])
+    return heap.key[i], heap.ends[i, 0], heap.ends[i, 1]
 
 
 @inner_kernel

@@ -8,6 +8,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.vectors import (
     between,
     cross,
@@ -99,7 +100,7 @@ def is_near(grid, x):
 def barycentric(position, node, points, origin, found, out):
     corners = len(origin) + 1
     for t in range(points.shape[0]):
-        e = np.int64(found[t])
+        e = found[t]
         total = 0.0
         for k in range(corners):
             out[t, k] = np.nan if e < 0 else size_at_side(position, node, e, k, from_to(origin, points, t))
@@ -116,10 +117,10 @@ def next_stamp(scratch):
 
 @inner_kernel
 def element_in_region(elements, star, v, region):
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         if elements.region[star.element[k]] == region:
-            return np.int64(star.element[k])
-    return np.int64(star.element[star.start[v]])
+            return star.element[k]
+    return star.element[star.start[v]]
 
 
 @inner_kernel
@@ -151,16 +152,15 @@ def depth_in_element(position, node, e, x):
 @inner_kernel
 def walk(position, elements, e, x):
     node, region = elements.node, elements.region[e]
-    e = np.int64(e)
     for _ in range(WALK):
-        onward, most = np.int64(-1), 0.0
+        onward, most = -1, 0.0
         least, total = np.inf, 0.0
         for k in range(len(x) + 1):
             size = size_at_side(position, node, e, k, x)
             least = min(least, size)
             total += size
             if size < most:
-                across = np.int64(elements.neighbour[e, k])
+                across = elements.neighbour[e, k]
                 if across >= 0 and elements.region[across] == region:
                     onward, most = across, size
         if least / total >= -TOLERANCE:
@@ -175,8 +175,8 @@ def walk(position, elements, e, x):
 def neighbours(star, row, x):
     """Return the other nodes of the element in a row of the star."""
     if len(x) == 2:
-        return np.int64(star.ahead[row]), np.int64(star.behind[row])
-    return np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
+        return star.ahead[row], star.behind[row]
+    return star.link[row, 0], star.link[row, 1], star.link[row, 2]
 
 
 @inner_kernel
@@ -185,7 +185,7 @@ def descend_to(position, elements, star, v, x, region):
     best = squared_distance(position, v, x)
     while True:
         nearest = v
-        for row in range(star.start[v], star.start[v + 1]):
+        for row in rows_of(star, v):
             if elements.region[star.element[row]] != region:
                 continue
             for other in neighbours(star, row, x):
@@ -219,15 +219,15 @@ def find_in_cell(position, elements, grid, c, x):
     """
     start, content = grid.start, grid.content
     if start[c] == start[c + 1]:
-        return np.int64(-1)
+        return -1
     e, inside = walk(position, elements, content[start[c]], x)
     if inside:
         return e
-    best, deepest = np.int64(-1), -TOLERANCE
+    best, deepest = -1, -TOLERANCE
     for k in range(start[c], start[c + 1]):
-        depth = depth_in_element(position, elements.node, np.int64(content[k]), x)
+        depth = depth_in_element(position, elements.node, content[k], x)
         if depth >= deepest:
-            best, deepest = np.int64(content[k]), depth
+            best, deepest = content[k], depth
     return best
 
 
@@ -239,7 +239,7 @@ def flood(position, elements, e, x, scratch):
     first, last = 0, 1
     best, deepest = e, -np.inf
     while first < last and deepest < -TOLERANCE:
-        e = np.int64(queue[first])
+        e = queue[first]
         first += 1
         depth = depth_in_element(position, elements.node, e, x)
         if depth > deepest:
@@ -267,7 +267,7 @@ def nearest_visible(position, elements, e, x, factor, scratch):
     region = elements.region[e]
     frontier[0], reach[0] = e, 0.0
     scratch.element_stamp[e] = stamp
-    count, winner = 1, np.int64(-1)
+    count, winner = 1, -1
     best = np.inf
     while count > 0:
         near = 0
@@ -280,7 +280,7 @@ def nearest_visible(position, elements, e, x, factor, scratch):
         count -= 1
         frontier[near], reach[near] = frontier[count], reach[count]
         for k in range(len(x) + 1):
-            v = np.int64(elements.node[e, k])
+            v = elements.node[e, k]
             offset = mapped(factor, from_to(x, position, v))
             distance = dot(offset, offset)
             if distance >= entered and (distance < best or (distance == best and v < winner)):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.vectors import between, cross, dot, from_to, plus, point, put, times
 
 # Row k holds the corners opposite to k, with (k, *row) in positive order.
@@ -18,13 +19,13 @@ ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused row
 
 @inner_kernel
 def corners_of(node, e):
-    return np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2]), np.int64(node[e, 3])
+    return node[e, 0], node[e, 1], node[e, 2], node[e, 3]
 
 
 @inner_kernel
 def face_of(node, e, k):
     """Return the nodes opposite to corner k."""
-    return np.int64(node[e, OPPOSITE[k, 0]]), np.int64(node[e, OPPOSITE[k, 1]]), np.int64(node[e, OPPOSITE[k, 2]])
+    return node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
 
 
 @inner_kernel
@@ -35,7 +36,7 @@ def others(star, row):
 
 @inner_kernel
 def corners_around(star, row, v):
-    return v, np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])
+    return v, np.int64(star.link[row, 0]), np.int64(star.link[row, 1]), np.int64(star.link[row, 2])  # of one type
 
 
 @inner_kernel
@@ -57,7 +58,7 @@ def corner_towards(node, other, a, b, c):
 
 @inner_kernel
 def fourth_node(node, e, a, b, c):
-    return np.int64(node[e, 0]) + node[e, 1] + node[e, 2] + node[e, 3] - a - b - c
+    return node[e, 0] + node[e, 1] + node[e, 2] + node[e, 3] - a - b - c
 
 
 @inner_kernel
@@ -73,10 +74,10 @@ def gather_around(mesh, v, around):
     cavity.element_stamp[around[0]] = stamp
     count, at = 1, 0
     while at < count:
-        e = np.int64(around[at])
+        e = around[at]
         at += 1
         for k in range(4):
-            across = np.int64(neighbour[e, k])
+            across = neighbour[e, k]
             if across < 0 or node[e, k] == v or cavity.element_stamp[across] == stamp:
                 continue
             if count == around.shape[0]:
@@ -104,7 +105,7 @@ def gather_edge(mesh, a, b, shell):
 def has_constrained_face(mesh, a, b, c):
     elements, around = mesh.elements, mesh.cavity.around
     for i in range(gather_around(mesh, a, around)):
-        e = np.int64(around[i])
+        e = around[i]
         kb, kc = corner_of(elements.node, e, b), corner_of(elements.node, e, c)
         if kb < 0 or kc < 0:
             continue
@@ -220,7 +221,7 @@ def star_quality(position, star, v, x, least):
     The search ends at the first quality below `least`.
     """
     worst = 2.0
-    for j in range(star.start[v], star.start[v + 1]):
+    for j in rows_of(star, v):
         quality = cubed_quality_at(position, x, *others(star, j))
         if not quality >= worst:
             worst = quality

@@ -2,6 +2,7 @@
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, others, star_quality, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.metric import both_qualities_at, relieved
 from kohonen_adapt.kernels.vectors import cross, dot, from_to, point
@@ -25,7 +26,7 @@ def tolerable_in_space(position, star, v, x, floor):
     if floor == UNGUARDED:
         return True
     bound = max(floor * floor * floor, FLAT) / 432.0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         a, b, c = others(star, k)
         p, q, r = from_to(x, position, a), from_to(x, position, b), from_to(x, position, c)
         volume, squares = dot(p, cross(q, r)), sum_of_squares(p, q, r)
@@ -40,7 +41,7 @@ def effective_around(position, star, metric, v, x, least):
     if metric.relief == 1.0:
         return star_quality(position, star, v, x, least)
     worst = 2.0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         euclidean, in_metric = both_qualities_at(position, metric.shape, x, v, *others(star, k))
         quality = relieved(metric, euclidean, in_metric)
         if not quality >= worst:

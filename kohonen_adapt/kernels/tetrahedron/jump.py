@@ -8,6 +8,7 @@ lines).
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_RIDGE, RIDGE_PATCHES
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, face_of
 from kohonen_adapt.kernels.tetrahedron.guard import effective_around, star_tolerable
@@ -32,17 +33,17 @@ def jump(mesh, v, x, step, floor, scratch):
     nearest = nearest_ridge(position, constraints.surfaces, ends, count, v, x)
     if nearest < 0:
         return
-    onto = np.int64(ends[nearest, 1])
+    onto = ends[nearest, 1]
     corner = point(position, v)
     y = onto_ridge(constraints.surfaces, onto, plus_times(corner, step, minus(x, corner)))
     if not np.isfinite(y[0] + y[1] + y[2]):
         return
     for i in range(count):
-        f, away = np.int64(ends[i, 0]), np.int64(ends[i, 1])
+        f, away = ends[i, 0], ends[i, 1]
         if away == onto or constraints.freedom.number[f] != ON_RIDGE or constraints.freedom.place[f] != away:
             continue
-        third = np.int64(ends[CORNER_RIDGES - i - nearest, 0]) if count == CORNER_RIDGES else np.int64(-1)
-        patch = patch_to_take(mesh, v, f, third, np.int64(ends[nearest, 0]), onto)
+        third = ends[CORNER_RIDGES - i - nearest, 0] if count == CORNER_RIDGES else -1
+        patch = patch_to_take(mesh, v, f, third, ends[nearest, 0], onto)
         if patch == -2:
             continue
         if exchange_positions(mesh, v, f, y, floor):
@@ -61,10 +62,10 @@ def ridges_at_corner(mesh, v, ends):
     """
     elements, star = mesh.elements, mesh.star
     count = 0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         e = star.element[k]
         for j in range(3):
-            w, known = np.int64(star.link[k, j]), False
+            w, known = star.link[k, j], False
             for i in range(count):
                 if ends[i, 0] == w:
                     known = True
@@ -99,17 +100,17 @@ def patch_at_edge(elements, star, k, j, v, w):
     """Return the patch of face j in row k of the star, -1 without edge vw."""
     e = star.element[k]
     if not touches(star, k, w) or elements.node[e, j] == v or elements.node[e, j] == w:
-        return np.int64(-1)
-    return np.int64(elements.patch[e, j])
+        return -1
+    return elements.patch[e, j]
 
 
 @inner_kernel
 def ridge_of_edge(mesh, v, w):
     """Return the ridge of edge vw, -1 if inside a patch, -2 if unknown."""
     elements, star, freedom = mesh.elements, mesh.star, mesh.constraints.freedom
-    only = np.int64(-1)
+    only = -1
     sides, same = 0, True
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         for j in range(4):
             p = patch_at_edge(elements, star, k, j, v, w)
             if p < 0:
@@ -121,20 +122,20 @@ def ridge_of_edge(mesh, v, w):
     if same and sides == 4:
         return -1
     if freedom.number[w] == ON_RIDGE:
-        return np.int64(freedom.place[w])
+        return freedom.place[w]
     return ridge_between(mesh, v, w)
 
 
 @inner_kernel
 def ridge_between(mesh, v, w):
     surfaces, x = mesh.constraints.surfaces, midpoint(mesh.position, v, w)
-    found, least = np.int64(-2), np.inf
+    found, least = -2, np.inf
     for r in range(surfaces.meets.shape[0]):
         if fits_edge(mesh, r, v, w):
-            offset = minus(onto_ridge(surfaces, np.int64(r), x), x)
+            offset = minus(onto_ridge(surfaces, r, x), x)
             distance = dot(offset, offset)
             if distance < least:
-                found, least = np.int64(r), distance
+                found, least = r, distance
     return found
 
 
@@ -144,7 +145,7 @@ def fits_edge(mesh, r, v, w):
     for i in range(RIDGE_PATCHES):
         if meets[r, i] >= 0 and not has_face(elements, star, v, w, meets[r, i]):
             return False
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         for j in range(4):
             p = patch_at_edge(elements, star, k, j, v, w)
             if p >= 0 and not meets_patch(meets, r, p):
@@ -162,7 +163,7 @@ def meets_patch(meets, r, p):
 
 @inner_kernel
 def has_face(elements, star, v, w, p):
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         for j in range(4):
             if patch_at_edge(elements, star, k, j, v, w) == p:
                 return True
@@ -171,17 +172,17 @@ def has_face(elements, star, v, w, p):
 
 @inner_kernel
 def nearest_ridge(position, surfaces, ends, count, v, x):
-    nearest = np.int64(-1)
+    nearest = -1
     corner = point(position, v)
     offset = minus(x, corner)
     best = dot(offset, offset)
     for i in range(count):
-        w, r = ends[i, 0], np.int64(ends[i, 1])
+        w, r = ends[i, 0], ends[i, 1]
         foot = onto_ridge(surfaces, r, x)
         offset = minus(x, foot)
         distance = dot(offset, offset)
         if dot(minus(foot, corner), between(position, v, w)) > 0.0 and distance < best:
-            nearest, best = np.int64(i), distance
+            nearest, best = i, distance
     return nearest
 
 
@@ -194,19 +195,19 @@ def patch_to_take(mesh, v, f, third, ahead, onto):
     would be between different regions.
     """
     elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
-    found = np.int64(-1)
-    for k in range(star.start[v], star.start[v + 1]):
-        e = np.int64(star.element[k])
+    found = -1
+    for k in rows_of(star, v):
+        e = star.element[k]
         for j in range(4):
             p = elements.patch[e, j]
             if p < 0 or elements.node[e, j] == v or meets_patch(meets, onto, p):
                 continue
             if third < 0 or not is_face(elements, e, j, v, f, third):
-                return np.int64(-2)
+                return -2
             found = patch_beside(mesh, e, j, v, f, third, ahead, onto)
             if found < 0:
-                return np.int64(-2)
-    return found if found >= 0 or third < 0 else np.int64(-2)
+                return -2
+    return found if found >= 0 or third < 0 else -2
 
 
 @inner_kernel
@@ -226,8 +227,8 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
     a body that touches itself, coplanar patches may have opposite orientations.
     """
     elements, star, meets = mesh.elements, mesh.star, mesh.constraints.surfaces.meets
-    for k in range(star.start[v], star.start[v + 1]):
-        g = np.int64(star.element[k])
+    for k in rows_of(star, v):
+        g = star.element[k]
         for i in range(4):
             p = patch_at_edge(elements, star, k, i, v, third)
             if p < 0 or not meets_patch(meets, onto, p):
@@ -238,7 +239,7 @@ def patch_beside(mesh, e, j, v, f, third, ahead, onto):
                 and same_orientation(mesh.position, elements.node, e, j, g, i, v, f, ahead)
             ):
                 return p
-    return np.int64(-1)
+    return -1
 
 
 @inner_kernel
@@ -263,13 +264,13 @@ def face_normal(position, a, b, c):
 @inner_kernel
 def region_across(elements, e, j):
     across = elements.neighbour[e, j]
-    return np.int64(elements.region[across]) if across >= 0 else np.int64(-1)
+    return elements.region[across] if across >= 0 else -1
 
 
 @inner_kernel
 def relabel_face(mesh, v, f, third, patch):
     elements, star = mesh.elements, mesh.star
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         e = star.element[k]
         for j in range(4):
             if elements.patch[e, j] >= 0 and is_face(elements, e, j, v, f, third):

@@ -30,7 +30,7 @@ def behind_surface(position, elements, surfaces, e, x):
     The distance of x to the surface must be at most that of the centroid of the face.
     """
     for k in range(4):
-        p = np.int64(elements.patch[e, k])
+        p = elements.patch[e, k]
         if p < 0 or surfaces.shape[p] == PLANE:
             continue
         if size_at_side(position, elements.node, e, k, x) >= 0.0:
@@ -73,9 +73,9 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     same result.
     """
     for t in range(points.shape[0]):
-        x, v = point(points, t), np.int64(start_nodes[t])
+        x, v = point(points, t), start_nodes[t]
         if t % STRETCH > 0 and region[t - 1] == region[t]:
-            other = np.int64(winners[t - 1])
+            other = winners[t - 1]
             if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):
                 v = other
         factor = cholesky(matrix(shape, t))

@@ -4,8 +4,6 @@ As in `kernels/triangle/recycle.py`, in the metric e'Me (rho_a rho_b)^(1/3) for 
 nodes per volume.
 """
 
-import numpy as np
-
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import MOST
@@ -37,7 +35,7 @@ def enter_edges(mesh, longest, shortest, v, higher):
     cavity.node_stamp[v] = cavity.counter[0]
     for i in range(count):
         for k in range(4):
-            other = np.int64(node[cavity.around[i], k])
+            other = node[cavity.around[i], k]
             if cavity.node_stamp[other] != cavity.counter[0]:
                 cavity.node_stamp[other] = cavity.counter[0]
                 if other > v or not higher:

@@ -41,7 +41,7 @@ def first_of_shell(mesh, e, a, b, first, second):
     elements = mesh.elements
     for _ in range(RING):
         k = corner_of(elements.node, e, second)
-        across = np.int64(elements.neighbour[e, k])
+        across = elements.neighbour[e, k]
         if elements.patch[e, k] >= 0 or across < 0:
             return e, first, second
         e, first, second = across, fourth_node(elements.node, across, a, b, first), first
@@ -61,7 +61,7 @@ def walk_shell(mesh, queue, side, e, a, b, first, second):
         shell[side, count], ring[side, count] = e, first
         count += 1
         k = corner_of(elements.node, e, first)
-        across = np.int64(elements.neighbour[e, k])
+        across = elements.neighbour[e, k]
         if elements.patch[e, k] >= 0 or across < 0:
             ring[side, count] = second
             return count + 1, count
@@ -150,10 +150,10 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
     height = 1
     while height > 0:
         height -= 1
-        i, k = np.int64(cavity.stack[height, 0]), np.int64(cavity.stack[height, 1])
+        i, k = cavity.stack[height, 0], cavity.stack[height, 1]
         if k - i < 2:
             continue
-        j = np.int64(cavity.apex[side, i, k])
+        j = cavity.apex[side, i, k]
         on_base = patch if i == 0 and k == count - 1 else -1
         p, q, r = ring[side, i], ring[side, j], ring[side, k]
         for corners, end, third in (((p, q, r), b, 1), ((p, r, q), a, 2)):
@@ -176,15 +176,15 @@ def second_shell(mesh, queue, a, b, nodes):
     edge must stay.
     """
     elements, shell, ring = mesh.elements, mesh.cavity.shell, mesh.cavity.ring
-    begin, end = np.int64(shell[0, 0]), np.int64(shell[0, nodes - 2])
+    begin, end = shell[0, 0], shell[0, nodes - 2]
     k_begin, k_end = corner_of(elements.node, begin, ring[0, 1]), corner_of(elements.node, end, ring[0, nodes - 2])
-    patch = np.int64(elements.patch[begin, k_begin])
+    patch = elements.patch[begin, k_begin]
     if nodes < 3 or patch < 0 or patch != elements.patch[end, k_end] or would_exceed_sagitta(mesh, patch, a, b, nodes):
         return 0, 0, NOWHERE
-    back, across = np.int64(elements.neighbour[begin, k_begin]), np.int64(elements.neighbour[end, k_end])
+    back, across = elements.neighbour[begin, k_begin], elements.neighbour[end, k_end]
     if across < 0:
         return 0, 0, (patch if back < 0 else NOWHERE)
-    first = np.int64(ring[0, nodes - 1])
+    first = ring[0, nodes - 1]
     second = fourth_node(elements.node, across, a, b, first)
     count, found = walk_shell(mesh, queue, 1, across, a, b, first, second)
     if count < 3 or count == found or ring[1, count - 1] != ring[0, 0] or shell[1, found - 1] != back:
@@ -194,7 +194,7 @@ def second_shell(mesh, queue, a, b, nodes):
 
 @inner_kernel
 def would_exceed_sagitta(mesh, patch, a, b, nodes):
-    p, q = np.int64(mesh.cavity.ring[0, 0]), np.int64(mesh.cavity.ring[0, nodes - 1])
+    p, q = mesh.cavity.ring[0, 0], mesh.cavity.ring[0, nodes - 1]
     return exceeds_sagitta(mesh, patch, p, q) and edge_sagitta(mesh, patch, p, q) > edge_sagitta(mesh, patch, a, b)
 
 
@@ -206,8 +206,8 @@ def shells_around(mesh, queue, e, edge):
     The number of nodes is 0 if the edge must stay or an element waits.
     """
     elements = mesh.elements
-    a, b = np.int64(elements.node[e, EDGES[edge, 0]]), np.int64(elements.node[e, EDGES[edge, 1]])
-    first, second = np.int64(elements.node[e, EDGES[edge, 2]]), np.int64(elements.node[e, EDGES[edge, 3]])
+    a, b = elements.node[e, EDGES[edge, 0]], elements.node[e, EDGES[edge, 1]]
+    first, second = elements.node[e, EDGES[edge, 2]], elements.node[e, EDGES[edge, 3]]
     nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
     if nodes == found:
         return a, b, (nodes, found, 0, 0, NOWHERE)
@@ -272,10 +272,10 @@ def write_face_swap(mesh, queue, e, k):
     Returned is the worst quality of the two, or RULED_OUT if the face must stay or the neighbour waits.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
-    across = np.int64(elements.neighbour[e, k])
+    across = elements.neighbour[e, k]
     if across < 0 or elements.patch[e, k] >= 0 or is_blocked(queue, across):
         return RULED_OUT
-    (a, b, c), top = face_of(elements.node, e, k), np.int64(elements.node[e, k])
+    (a, b, c), top = face_of(elements.node, e, k), elements.node[e, k]
     bottom = fourth_node(elements.node, across, a, b, c)
     cavity.old[0], cavity.old[1] = e, across
     for new, (p, q) in enumerate(((a, b), (b, c), (c, a))):

@@ -8,10 +8,9 @@ power, which penalises slivers (good edges without volume). In the position of o
 linear, so the sum is convex. In a metric the edges of S are measured by the mean shape of the corners.
 """
 
-import numpy as np
-
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, cubed_of, others, sum_of_squares
 from kohonen_adapt.kernels.tetrahedron.metric import is_round, mean_of_four, mean_shape, relieved, squares_in_metric
@@ -44,7 +43,7 @@ from kohonen_adapt.kernels.vectors import (
 @inner_kernel
 def star_energy(position, star, metric, weight, v, x):
     total, worst = 0.0, 2.0
-    for j in range(star.start[v], star.start[v + 1]):
+    for j in rows_of(star, v):
         b, c, d = others(star, j)
         p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
         volume, squares = dot(p, cross(q, r)), sum_of_squares(p, q, r)
@@ -68,7 +67,7 @@ def star_energy(position, star, metric, weight, v, x):
 def derivatives(position, star, metric, weight, v):
     x = point(position, v)
     gradient, hessian = ZERO, ZEROS
-    for j in range(star.start[v], star.start[v + 1]):
+    for j in rows_of(star, v):
         b, c, d = others(star, j)
         p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
         shape, normal = mean_shape(metric, v, b, c, d), cross(q, r)
@@ -116,7 +115,7 @@ def step_across(normal, gradient, hessian):
 def newton_step(position, star, constraints, weight, v):
     surfaces, freedom = constraints.surfaces, constraints.freedom
     gradient, hessian = derivatives(position, star, constraints.metric, weight, v)
-    x, place = point(position, v), np.int64(freedom.place[v])
+    x, place = point(position, v), freedom.place[v]
     if freedom.number[v] == INSIDE:
         return step_inside(gradient, hessian)
     if freedom.number[v] == ON_PATCH:
@@ -142,8 +141,7 @@ def smooth_nodes(mesh, weight, floor, order):
     by_quality, by_reach = 0, 0
     position, elements, star = mesh.position, mesh.elements, mesh.star
     surfaces, freedom, metric = mesh.constraints.surfaces, mesh.constraints.freedom, mesh.constraints.metric
-    for node in order:
-        v = np.int64(node)
+    for v in order:
         if freedom.number[v] == HELD or freedom.pinned[v]:
             continue
         before, worst_before = star_energy(position, star, metric, weight, v, point(position, v))

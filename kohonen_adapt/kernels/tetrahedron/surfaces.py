@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
     CYLINDER,
@@ -76,8 +77,8 @@ def nearest_sample(samples, p, x):
     has no stack, because every step follows from the previous row (Wald, "A Stack-Free Traversal Algorithm for
     Left-Balanced k-d Trees", 2022).
     """
-    root, rows = np.int64(samples.start[p]), samples.start[p + 1] - samples.start[p]
-    here, before = np.int64(0), np.int64(-1)
+    root, rows = samples.start[p], samples.start[p + 1] - samples.start[p]
+    here, before = 0, -1
     depth = 0
     found, least = root, np.inf
     while here >= 0:
@@ -179,7 +180,7 @@ def slid(position, constraints, v, step):
     axis do not change. Rounding errors elsewhere are removed by the final projection.
     """
     freedom, surfaces = constraints.freedom, constraints.surfaces
-    number, place = freedom.number[v], np.int64(freedom.place[v])
+    number, place = freedom.number[v], freedom.place[v]
     x = point(position, v)
     if number == INSIDE:
         return plus(x, step)
@@ -202,10 +203,10 @@ def within_reach(position, elements, star, surfaces, v, x):
 
     The angle is that between the surface normals at the ends of an edge, with v at x.
     """
-    for k in range(star.start[v], star.start[v + 1]):
-        e = np.int64(star.element[k])
+    for k in rows_of(star, v):
+        e = star.element[k]
         for j in range(4):
-            p = np.int64(elements.patch[e, j])
+            p = elements.patch[e, j]
             if p < 0 or elements.node[e, j] == v or surfaces.shape[p] == PLANE:
                 continue
             normal = signed_distance(surfaces, p, x)[1]

@@ -61,9 +61,9 @@ def write_border(mesh, count):
     for i in range(count):
         cavity.element_stamp[cavity.old[i]] = stamp
     for i in range(count):
-        e = np.int64(cavity.old[i])
+        e = cavity.old[i]
         for k in range(4):
-            across = np.int64(elements.neighbour[e, k])
+            across = elements.neighbour[e, k]
             if across >= 0 and cavity.element_stamp[across] == stamp:
                 continue
             write_face(mesh, faces, e, k, across, elements.patch[e, k])
@@ -110,7 +110,7 @@ def replace(mesh, count_old, count_new):
     faces = border
     for i in range(count_new):
         for k in range(4):
-            faces = join_face(mesh, np.int64(cavity.made[i]), k, border, faces)
+            faces = join_face(mesh, cavity.made[i], k, border, faces)
     return True
 
 
@@ -120,7 +120,7 @@ def join_face(mesh, e, k, border, faces):
     write_face(mesh, faces, e, k, e, elements.patch[e, k])
     for row in range(faces):
         if same_face(cavity.face, row, faces):
-            across, j = np.int64(cavity.face[row, 3]), np.int64(cavity.face[row, 4])
+            across, j = cavity.face[row, 3], cavity.face[row, 4]
             elements.neighbour[e, k] = across
             if across >= 0:
                 elements.neighbour[across, j] = e
@@ -141,7 +141,7 @@ def patches_at(mesh, shell, count, a, b):
     for i in range(meeting.shape[0]):
         meeting[i] = -1
     for i in range(count):
-        e = np.int64(shell[i])
+        e = shell[i]
         for k in range(4):
             v, patch = elements.node[e, k], elements.patch[e, k]
             if v in (a, b) or patch < 0 or 0 <= elements.neighbour[e, k] < e:  # inner faces once
@@ -184,7 +184,7 @@ def place_of_edge(mesh, shell, count, a, b):
     faces, patches = patches_at(mesh, shell, count, a, b)
     if faces == 0:
         return INSIDE, NOWHERE
-    p = np.int64(mesh.cavity.meeting[0])
+    p = mesh.cavity.meeting[0]
     if faces == 2 and patches == 1:
         return ON_PATCH, p
     if patches > RIDGE_PATCHES:
@@ -218,13 +218,13 @@ def prepare_split(mesh, a, b, floor):
     number, place = place_of_edge(mesh, cavity.old, count, a, b)
     if number == HELD:
         return 0
-    p = np.int64(pool.free_nodes[pool.height[0] - 1])
+    p = pool.free_nodes[pool.height[0] - 1]
     put_between(mesh, p, a, b, number, place)
     set_mean_shape(mesh.metric, p, a, b)
     freedom.number[p], freedom.place[p] = number, place
     before, after, new = 2.0, 2.0, 0
     for i in range(count):
-        e = np.int64(cavity.old[i])
+        e = cavity.old[i]
         before = min(before, effective_quality(mesh.position, mesh.metric, elements.node, e))
         for end, other in ((a, b), (b, a)):
             for k in range(4):
@@ -241,7 +241,7 @@ def prepare_split(mesh, a, b, floor):
 def split(mesh, a, b, count):
     pool, origins = mesh.pool, mesh.origins
     pool.height[0] -= 1
-    p = np.int64(pool.free_nodes[pool.height[0]])
+    p = pool.free_nodes[pool.height[0]]
     replace(mesh, count, 2 * count)
     origins.fineness[p] = np.sqrt(origins.fineness[a] * origins.fineness[b])
     origins.old[p], origins.start_element[p] = -1, origins.start_element[a]
@@ -287,7 +287,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
         return 0.0, 0, 0
     before, volume, planar = 2.0, 0.0, True
     for i in range(count):
-        e = np.int64(cavity.old[i])
+        e = cavity.old[i]
         before = min(before, effective_quality(position, mesh.metric, elements.node, e))
         volume += element_volumes(position, elements.node, e)
         for j in range(4):
@@ -296,7 +296,7 @@ def prepare_collapse(mesh, v, w, floor, longest):
                 planar = False
     new, after, volume_after = 0, 2.0, 0.0
     for i in range(count):
-        e = np.int64(cavity.old[i])
+        e = cavity.old[i]
         k, kw = corner_of(elements.node, e, v), corner_of(elements.node, e, w)
         if kw >= 0:
             if elements.patch[e, kw] >= 0:
@@ -333,7 +333,7 @@ def closes_slit(mesh, w, new):
 
 @inner_kernel
 def exceeds_on_face(mesh, new, j, w):
-    p = np.int64(mesh.cavity.patch[new, j])
+    p = mesh.cavity.patch[new, j]
     if p < 0 or mesh.surfaces.shape[p] == PLANE:
         return False
     for i in range(4):

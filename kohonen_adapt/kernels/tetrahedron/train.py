@@ -9,6 +9,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE
 from kohonen_adapt.kernels.tetrahedron.guard import may_move, star_tolerable
 from kohonen_adapt.kernels.tetrahedron.jump import jump
@@ -31,14 +32,14 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
         x, region = point(lesson.points, t), lesson.region[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * lesson.weights[t])
         queue[0], stamps[lesson.winners[t]] = lesson.winners[t], stamp
-        first, last = np.int64(0), np.int64(1)
+        first, last = 0, 1
         for ring in range(lesson.strength.shape[0]):
             if ring > 0:
                 end = gather_ring(mesh, region, scratch, first, last, stamp)
                 first, last = last, end
             step = rate_of_point * lesson.strength[ring]
             for i in range(first, last):
-                v = np.int64(queue[i])
+                v = queue[i]
                 if freedom.number[v] == HELD:
                     if not freedom.pinned[v]:
                         jump(mesh, v, x, step, floor, scratch)
@@ -65,7 +66,7 @@ def gather_ring(mesh, region, scratch, first, last, stamp):
     end = last
     for i in range(first, last):
         v = queue[i]
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             if inner[v] or elements.region[star.element[k]] == region:
                 for j in range(3):
                     other = star.link[k, j]

@@ -1,7 +1,5 @@
 """Ring buffer of the elements that wait for a search."""
 
-import numpy as np
-
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED
 
@@ -17,7 +15,7 @@ def enter(queue, e):
 
 @inner_kernel
 def take_first(queue):
-    e = np.int64(queue.element[queue.state[0]])
+    e = queue.element[queue.state[0]]
     queue.state[0] = (queue.state[0] + 1) % queue.element.shape[0]
     queue.state[1] -= 1
     queue.waiting[e] = FREE
@@ -35,4 +33,4 @@ def is_blocked(queue, e):
 @inner_kernel
 def enter_made(mesh, queue, count):
     for i in range(count):
-        enter(queue, np.int64(mesh.cavity.made[i]))
+        enter(queue, mesh.cavity.made[i])

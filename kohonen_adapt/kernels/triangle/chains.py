@@ -11,6 +11,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import (
     AT,
     AT_X,
@@ -174,7 +175,7 @@ def within_reach(mesh, c, v, x):
     reach = mesh.constraints.chains.geometry[c, REACH]
     if reach == np.inf:
         return True
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         e = star.element[k]
         for j in range(3):
             if elements.chain[e, j] != c or elements.node[e, j] == v:
@@ -233,7 +234,7 @@ def nearest_on_table(chains, c, x, near):
             if distance < best:
                 k = other
         distance, best = best, np.inf
-    before = next_knot(chains, c, k, np.int64(-1))
+    before = next_knot(chains, c, k, -1)
     parameter = nearest_in_span(knot, min(k, chains.row[c + 1] - 2), x)
     other = nearest_in_span(knot, before, x)
     if squared_to_parameter(chains, c, other, x) < squared_to_parameter(chains, c, parameter, x):
@@ -279,7 +280,7 @@ def nearest_in_span(knot, k, x):
 def look_up(constraints, nodes, out):
     for i in range(nodes.shape[0]):
         v = nodes[i]
-        chain = np.int64(constraints.chain[v, OWN])
+        chain = constraints.chain[v, OWN]
         put(out, i, point_at(constraints.chains, chain, constraints.parameter[v]))
 
 
@@ -287,10 +288,10 @@ def look_up(constraints, nodes, out):
 def farthest_from_facets(position, elements, constraints):
     """Return the largest sagitta of all facets and the index of its segment."""
     chains, farthest = constraints.chains, 0.0
-    which = np.int64(-1)
+    which = -1
     for e in range(elements.node.shape[0]):
         for k in range(3):
-            c = np.int64(elements.chain[e, k])
+            c = elements.chain[e, k]
             if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
                 continue
             a, b = ends_of(elements.node, e, k)
@@ -304,7 +305,7 @@ def farthest_from_facets(position, elements, constraints):
 @inner_kernel
 def slide(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
-    chain = np.int64(constraints.chain[v, OWN])
+    chain = constraints.chain[v, OWN]
     x = point_at(constraints.chains, chain, parameter)
     if not within_reach(mesh, chain, v, x):
         return BY_REACH
@@ -318,13 +319,13 @@ def slide(mesh, v, parameter, floor):
 @inner_kernel
 def slide_pair(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
-    w, before = np.int64(constraints.periodic.partner[v]), xy(position, v)
+    w, before = constraints.periodic.partner[v], xy(position, v)
     start = constraints.parameter[v]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
     cause = slide(mesh, v, parameter, floor)
     if cause != MOVED:
         return cause
-    x = point_at(constraints.chains, np.int64(constraints.chain[w, OWN]), parameter)
+    x = point_at(constraints.chains, constraints.chain[w, OWN], parameter)
     if not may_move(position, mesh.star, constraints.metric, w, x, floor):
         put(position, v, before)
         constraints.parameter[v] = start

@@ -86,8 +86,8 @@ def gather_patch(data, e, k, patch, seen):
         seen[e, k] = True
         patch.element[size], patch.corner[size] = e, k
         size += 1
-        v, side = np.int64(data.node[e, k]), (k + 1) % 3
-        e, outflow = np.int64(data.neighbour[e, side]), data.outflow[e, side]
+        v, side = data.node[e, k], (k + 1) % 3
+        e, outflow = data.neighbour[e, side], data.outflow[e, side]
         if e >= 0:
             k = corner_of(data.node, e, v)
             patch.jump[size] = outflow + data.outflow[e, (k + 2) % 3]

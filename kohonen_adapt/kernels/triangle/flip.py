@@ -1,7 +1,5 @@
 """Edge flips to constrained Delaunay regions under the quality rule (Lawson)."""
 
-import numpy as np
-
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.geometry import (
@@ -124,11 +122,11 @@ def flip_edge(elements, e, k):
     The result is `e` = (r, p, s) and (s, q, r).
     """
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
-    other = np.int64(neighbour[e, k])
+    other = neighbour[e, k]
     j = corner_towards(neighbour, other, e)
     k1, k2, j1, j2 = (k + 1) % 3, (k + 2) % 3, (j + 1) % 3, (j + 2) % 3
     r, s = node[e, k], node[other, j]
-    across_e, across_other = np.int64(neighbour[e, k1]), np.int64(neighbour[other, j1])
+    across_e, across_other = neighbour[e, k1], neighbour[other, j1]
     chain_e, chain_other = chain[e, k1], chain[other, j1]
     node[e, k2], node[other, j2] = s, r
     neighbour[e, k], chain[e, k] = across_other, chain_other
@@ -161,7 +159,7 @@ def push(stack, waiting, height, e):
 def mark_non_delaunay(position, elements, shape, first, last, candidates):
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     for e in range(first, last):
-        a, b, c = np.int64(node[e, 0]), np.int64(node[e, 1]), np.int64(node[e, 2])
+        a, b, c = node[e, 0], node[e, 1], node[e, 2]
         together = a + b + c
         candidates[e] = False
         for k in range(3):
@@ -187,18 +185,18 @@ def flip_edges(position, elements, metric, floor, candidates, stack, waiting, li
         if not candidates[first]:
             continue
         for side in range(3):
-            other = np.int64(elements.neighbour[first, side])
+            other = elements.neighbour[first, side]
             if other <= first or not should_flip(position, elements, metric, first, side, other, floor):
                 continue
             flip_edge(elements, first, side)
             flips += 1
-            height = push(stack, waiting, push(stack, waiting, np.int64(0), other), first)
+            height = push(stack, waiting, push(stack, waiting, 0, other), first)
             while height > 0 and flips < limit:
                 height -= 1
-                e = np.int64(stack[height])
+                e = stack[height]
                 waiting[e] = False
                 for k in range(3):
-                    across = np.int64(elements.neighbour[e, k])
+                    across = elements.neighbour[e, k]
                     if across >= 0 and should_flip(position, elements, metric, e, k, across, floor):
                         flip_edge(elements, e, k)
                         flips += 1

@@ -2,10 +2,9 @@
 
 import math
 
-import numpy as np
-
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, put, times, xy
 
 SQRT12 = 2.0 * math.sqrt(3.0)
@@ -34,12 +33,12 @@ def rows_with(star, v, w):
     The elements contain the edge from `v` to `w`. The result is (row, node, row, node), first the row with `w` ahead,
     then the row with `w` behind, with -1 for a missing row.
     """
-    ahead, one, behind, other = np.int64(-1), np.int64(-1), np.int64(-1), np.int64(-1)
-    for row in range(star.start[v], star.start[v + 1]):
+    ahead, one, behind, other = -1, -1, -1, -1
+    for row in rows_of(star, v):
         if star.ahead[row] == w:
-            ahead, one = np.int64(row), np.int64(star.behind[row])
+            ahead, one = row, star.behind[row]
         elif star.behind[row] == w:
-            behind, other = np.int64(row), np.int64(star.ahead[row])
+            behind, other = row, star.ahead[row]
     return ahead, one, behind, other
 
 
@@ -52,13 +51,13 @@ def row_beside(rows, third):
 
 @inner_kernel
 def ends_of(node, e, k):
-    return np.int64(node[e, (k + 1) % 3]), np.int64(node[e, (k + 2) % 3])
+    return node[e, (k + 1) % 3], node[e, (k + 2) % 3]
 
 
 @inner_kernel
 def corners_around(node, e, k, other):
     p, q = ends_of(node, e, k)
-    return p, q, np.int64(node[e, k]), node[other, 0] + node[other, 1] + node[other, 2] - p - q
+    return p, q, node[e, k], node[other, 0] + node[other, 1] + node[other, 2] - p - q
 
 
 @inner_kernel
@@ -69,7 +68,7 @@ def has_edge(node, neighbour, e, v, other):
             k = corner_of(node, at, v)
             if node[at, (k + 1) % 3] == other or node[at, (k + 2) % 3] == other:
                 return True
-            at = np.int64(neighbour[at, (k + direction) % 3])
+            at = neighbour[at, (k + direction) % 3]
             if at == e:
                 break
     return False
@@ -156,7 +155,7 @@ def element_quality(position, node, e):
 @inner_kernel
 def worst_in_star(position, star, v, x):
     worst = 2.0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         q = signed_quality(x, xy(position, star.ahead[k]), xy(position, star.behind[k]))
         if not q >= worst:
             worst = q
@@ -195,7 +194,7 @@ def exceeds_quality(bound, u, v):
 @inner_kernel
 def star_tolerable(position, star, v, x, floor):
     bound = quality_bound(floor)
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         if not exceeds_quality(bound, from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k])):
             return floor == UNGUARDED
     return True
@@ -226,7 +225,7 @@ def may_move(position, star, v, x, floor):
 @kernel
 def move_to_targets(position, star, nodes, target, tolerance, floor):
     for i in range(nodes.shape[0]):
-        v, x = np.int64(nodes[i]), xy(target, i)
+        v, x = nodes[i], xy(target, i)
         if abs(x[0] - position[v, 0]) + abs(x[1] - position[v, 1]) > tolerance and may_move(
             position, star, v, x, floor
         ):

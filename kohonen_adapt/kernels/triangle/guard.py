@@ -2,6 +2,7 @@
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle import geometry
 from kohonen_adapt.kernels.triangle.geometry import FLAT, worst_in_star
 from kohonen_adapt.kernels.triangle.metric import effective_quality
@@ -23,7 +24,7 @@ def worst_around(position, star, metric, v, x):
     if metric.relief == 1.0:
         return worst_in_star(position, star, v, x)
     worst = 2.0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         a, b = star.ahead[k], star.behind[k]
         quality = effective_quality(metric, v, a, b, x, xy(position, a), xy(position, b))
         if not quality >= worst:

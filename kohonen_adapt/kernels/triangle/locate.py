@@ -38,9 +38,9 @@ def find_element(mesh, v, x, region, scratch):
 def behind_curve(position, elements, constraints, e, x):
     chains = constraints.chains
     for k in range(3):
-        c = np.int64(elements.chain[e, k])
+        c = elements.chain[e, k]
         if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and size_at_side(position, elements.node, e, k, x) < 0.0:
-            near = parameter_of(position, constraints, c, np.int64(elements.node[e, (k + 1) % 3]))
+            near = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
             if distance_to_chain(chains, c, x, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
                 return True
     return False
@@ -66,9 +66,9 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     for t in range(points.shape[0]):
         x, own = xy(points, t), region[t]
-        v = np.int64(start_nodes[t])
+        v = start_nodes[t]
         if t % STRETCH > 0 and region[t - 1] == own:
-            v = nearer(position, v, np.int64(winners[t - 1]), x)
+            v = nearer(position, v, winners[t - 1], x)
         map_ = factor_at(shape, t)
         e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
         if not inner[v]:

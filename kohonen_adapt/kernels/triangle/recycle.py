@@ -54,7 +54,7 @@ def next_edge(mesh, heap, sign):
 @inner_kernel
 def flip_at(mesh, e, k):
     elements, pool = mesh.elements, mesh.pool
-    other = np.int64(elements.neighbour[e, k])
+    other = elements.neighbour[e, k]
     p, q, _, _ = corners_around(elements.node, e, k, other)
     flip_edge(elements, e, k)
     pool.anchor[p], pool.anchor[q] = e, other
@@ -66,17 +66,17 @@ def restore_delaunay(mesh, longest, shortest, floor, height):
     node = elements.node
     while height > 0:
         height -= 1
-        e = np.int64(scratch.stack[height])
+        e = scratch.stack[height]
         scratch.waiting[e] = False
         if node[e, 0] < 0:
             continue
         for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
+            other = elements.neighbour[e, k]
             if other < 0 or not should_flip(mesh.position, elements, mesh.metric, e, k, other, floor):
                 continue
             _, _, r, s = corners_around(node, e, k, other)
             flip_at(mesh, e, k)
-            push_edge(mesh, longest, shortest, np.int64(r), s)
+            push_edge(mesh, longest, shortest, r, s)
             height = push(scratch.stack, scratch.waiting, push(scratch.stack, scratch.waiting, height, other), e)
             break
 
@@ -86,11 +86,11 @@ def push_around(mesh, longest, shortest, v, height):
     elements, scratch = mesh.elements, mesh.scratch
     node = elements.node
     for i in range(gather_around(mesh, v, scratch.around)):
-        e = np.int64(scratch.around[i])
+        e = scratch.around[i]
         k = corner_of(node, e, v)
-        push_edge(mesh, longest, shortest, v, np.int64(node[e, (k + 1) % 3]))
+        push_edge(mesh, longest, shortest, v, node[e, (k + 1) % 3])
         if elements.neighbour[e, (k + 1) % 3] < 0:
-            push_edge(mesh, longest, shortest, v, np.int64(node[e, (k + 2) % 3]))
+            push_edge(mesh, longest, shortest, v, node[e, (k + 2) % 3])
         height = push(scratch.stack, scratch.waiting, height, e)
     return height
 
@@ -112,7 +112,7 @@ def fill_heaps(mesh, longest, shortest):
 def worst_around(mesh, v):
     worst, around = 2.0, mesh.scratch.around
     for i in range(gather_around(mesh, v, around)):
-        quality = effective_element_quality(mesh.position, mesh.metric, mesh.elements.node, np.int64(around[i]))
+        quality = effective_element_quality(mesh.position, mesh.metric, mesh.elements.node, around[i])
         worst = min(worst, quality)
     return worst
 
@@ -126,13 +126,13 @@ def split_and_flip(mesh, e, k, floor, x, parameter):
     without flips.
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
-    before, end = quality_beside(mesh, e, k), np.int64(elements.node[e, (k + 1) % 3])
+    before, end = quality_beside(mesh, e, k), elements.node[e, (k + 1) % 3]
     flips = 0
     p = split(mesh, e, k, x, parameter)
     for i in range(gather_around(mesh, p, scratch.around)):
-        half = np.int64(scratch.around[i])
+        half = scratch.around[i]
         j = corner_of(elements.node, half, p)
-        across = np.int64(elements.neighbour[half, j])
+        across = elements.neighbour[half, j]
         if across < 0 or elements.chain[half, j] >= 0:
             continue
         fine = allowed(effective_element_quality(position, mesh.metric, elements.node, half), before, floor)
@@ -144,7 +144,7 @@ def split_and_flip(mesh, e, k, floor, x, parameter):
         return p
     while flips > 0:
         flips -= 1
-        half = np.int64(scratch.around_other[flips])
+        half = scratch.around_other[flips]
         flip_at(mesh, half, (corner_of(elements.node, half, p) + 1) % 3)
     collapse(mesh, p, end)
     return NOWHERE
@@ -158,7 +158,7 @@ def split_longest(mesh, longest, least, floor, flips):
         if e < 0 or not -key > least:
             break
         a, b = ends_of(elements.node, e, k)
-        c = np.int64(elements.chain[e, k])
+        c = elements.chain[e, k]
         x, parameter = midpoint(mesh, c, a, b)
         if c >= 0 and constraints.chains.flags[c, PAIRED]:
             continue  # nodes of periodic pairs are neither created nor removed
@@ -213,7 +213,7 @@ def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
         if merged < 0:
             break
         collapses += 1
-        restore_delaunay(mesh, longest, shortest, floor, push_around(mesh, longest, shortest, merged, np.int64(0)))
+        restore_delaunay(mesh, longest, shortest, floor, push_around(mesh, longest, shortest, merged, 0))
     while splits < limit:
         if longest.size[0] == full or shortest.size[0] == full:
             fill_heaps(mesh, longest, shortest)
@@ -231,7 +231,7 @@ def recycle(mesh, longest, shortest, missing, ratio, floor, limit):
                 return splits, collapses, True
             collapses += 1
         splits += 1
-        height = push_around(mesh, longest, shortest, p, np.int64(0))
+        height = push_around(mesh, longest, shortest, p, 0)
         if merged >= 0:
             height = push_around(mesh, longest, shortest, merged, height)
         restore_delaunay(mesh, longest, shortest, floor, height)

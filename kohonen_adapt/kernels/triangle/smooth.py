@@ -4,10 +4,9 @@ Chen and Xu, "Optimal Delaunay triangulations", J. Comput. Math. 22 (2004); Chen
 optimization schemes based on optimal Delaunay triangulations", Comput. Methods Appl. Mech. Engrg. 200 (2011).
 """
 
-import numpy as np
-
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
@@ -48,22 +47,21 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
     """
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
     by_quality, by_reach = 0, 0
-    for node in order:
-        v = np.int64(node)
+    for v in order:
         if interior[v] != which or constraints.kind[v] == HELD:
             continue
         x, mass = centre_mean(position, star, shape, weight, circumcentres, v)
         if constraints.kind[v] == FREE:
             by_quality += not step_towards(position, star, constraints.metric, v, x, floor)
             continue
-        chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+        chains, chain = constraints.chains, constraints.chain[v, OWN]
         parameter = constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
         if chains.flags[chain, PAIRED]:
-            w = np.int64(constraints.periodic.partner[v])
+            w = constraints.periodic.partner[v]
             if w < v:  # each pair once
                 continue
-            chain = np.int64(constraints.chain[w, OWN])
+            chain = constraints.chain[w, OWN]
             x, mass_there = centre_mean(position, star, shape, weight, circumcentres, w)
             distance_there = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
             distance = (mass * distance + mass_there * distance_there) / (mass + mass_there)
@@ -77,7 +75,7 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
 def centre_mean(position, star, shape, weight, circumcentres, v):
     x, total = xy(position, v), 0.0
     mean = (0.0, 0.0)  # |K| c_K needs no division, so flat elements do no harm
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         i, j, w = star.ahead[k], star.behind[k], weight[star.element[k]]
         a, b = from_to(x, position, i), from_to(x, position, j)
         if circumcentres:
@@ -96,7 +94,7 @@ def centre_mean(position, star, shape, weight, circumcentres, v):
 @inner_kernel
 def slide_along_chain(mesh, v, distance, floor):
     constraints = mesh.constraints
-    chains, chain = constraints.chains, np.int64(constraints.chain[v, OWN])
+    chains, chain = constraints.chains, constraints.chain[v, OWN]
     cause = MOVED
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)

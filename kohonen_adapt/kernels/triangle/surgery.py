@@ -33,19 +33,19 @@ def metric_length(mesh, a, b):
 @inner_kernel
 def gather_around(mesh, v, around):
     node, neighbour = mesh.elements.node, mesh.elements.neighbour
-    count, first = 0, np.int64(mesh.pool.anchor[v])
+    count, first = 0, mesh.pool.anchor[v]
     e = first
     while e >= 0:
         around[count] = e
         count += 1
-        e = np.int64(neighbour[e, (corner_of(node, e, v) + 1) % 3])
+        e = neighbour[e, (corner_of(node, e, v) + 1) % 3]
         if e == first:
             return count
-    e = np.int64(neighbour[first, (corner_of(node, first, v) + 2) % 3])
+    e = neighbour[first, (corner_of(node, first, v) + 2) % 3]
     while e >= 0:
         around[count] = e
         count += 1
-        e = np.int64(neighbour[e, (corner_of(node, e, v) + 2) % 3])
+        e = neighbour[e, (corner_of(node, e, v) + 2) % 3]
     return count
 
 
@@ -53,7 +53,7 @@ def gather_around(mesh, v, around):
 def find_edge(mesh, a, b):
     node, around = mesh.elements.node, mesh.scratch.around
     for i in range(gather_around(mesh, a, around)):
-        e = np.int64(around[i])
+        e = around[i]
         k = corner_of(node, e, a)
         if node[e, (k + 1) % 3] == b:
             return e, (k + 2) % 3
@@ -90,7 +90,7 @@ def is_pinned(mesh, e, k):
 @inner_kernel
 def quality_beside(mesh, e, k):
     position, node = mesh.position, mesh.elements.node
-    other = np.int64(mesh.elements.neighbour[e, k])
+    other = mesh.elements.neighbour[e, k]
     quality = effective_element_quality(position, mesh.metric, node, e)
     return min(quality, effective_element_quality(position, mesh.metric, node, other)) if other >= 0 else quality
 
@@ -100,7 +100,7 @@ def may_split(mesh, e, k, floor, x):
     if is_pinned(mesh, e, k):
         return False
     neighbour = mesh.elements.neighbour
-    other = np.int64(neighbour[e, k])
+    other = neighbour[e, k]
     after = half_qualities(mesh, e, k, x)
     if other >= 0:
         after = min(after, half_qualities(mesh, other, corner_towards(neighbour, other, e), x))
@@ -114,7 +114,7 @@ def halve_element(mesh, e, k, p):
     pool.height[1] -= 1
     new = pool.free_elements[pool.height[1]]
     k1, k2 = (k + 1) % 3, (k + 2) % 3
-    across = np.int64(neighbour[e, k1])
+    across = neighbour[e, k1]
     node[new, 0] = node[e, k]
     node[new, 1] = p
     node[new, 2] = node[e, k2]
@@ -143,11 +143,11 @@ def split(mesh, e, k, x, parameter):
     elements, constraints, pool, origins = mesh.elements, mesh.constraints, mesh.pool, mesh.origins
     node, neighbour = elements.node, elements.neighbour
     a, b = ends_of(node, e, k)
-    other = np.int64(neighbour[e, k])
+    other = neighbour[e, k]
     c = elements.chain[e, k]
     j = corner_towards(neighbour, other, e) if other >= 0 else 0
     pool.height[0] -= 1
-    p = np.int64(pool.free_nodes[pool.height[0]])
+    p = pool.free_nodes[pool.height[0]]
     put(mesh.position, p, x)
     constraints.kind[p] = FREE if c < 0 else SLIDING
     constraints.chain[p, OWN] = c
@@ -191,7 +191,7 @@ def collapsed_quality(mesh, v, w, longest, floor):
     mark = scratch.counter[0]
     shared, before, after = 0, 2.0, 2.0
     for i in range(count):
-        e = np.int64(scratch.around[i])
+        e = scratch.around[i]
         k = corner_of(node, e, v)
         a, b = ends_of(node, e, k)
         scratch.stamp[a], scratch.stamp[b] = mark, mark
@@ -226,7 +226,7 @@ def count_marked(mesh, w, mark):
     node, scratch = mesh.elements.node, mesh.scratch
     count = 0
     for i in range(gather_around(mesh, w, scratch.around_other)):
-        e = np.int64(scratch.around_other[i])
+        e = scratch.around_other[i]
         k = corner_of(node, e, w)
         for other in ends_of(node, e, k):
             if scratch.stamp[other] == mark:
@@ -253,7 +253,7 @@ def collapse(mesh, v, w):
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
     count, left = gather_around(mesh, v, scratch.around), 0
     for i in range(count):
-        e = np.int64(scratch.around[i])
+        e = scratch.around[i]
         k = corner_of(node, e, v)
         if node[e, (k + 1) % 3] != w and node[e, (k + 2) % 3] != w:
             node[e, k] = w
@@ -263,7 +263,7 @@ def collapse(mesh, v, w):
             continue
         kw = corner_of(node, e, w)
         kx = 3 - k - kw
-        outside, inside = np.int64(neighbour[e, k]), np.int64(neighbour[e, kw])
+        outside, inside = neighbour[e, k], neighbour[e, kw]
         if outside >= 0:
             neighbour[outside, corner_towards(neighbour, outside, e)] = inside
         if inside >= 0:

@@ -10,6 +10,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
@@ -46,19 +47,19 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
         x = xy(points, t)
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
         queue[0], stamps[winners[t]] = winners[t], stamp
-        first, last = np.int64(0), np.int64(1)
+        first, last = 0, 1
         for ring in range(radius + 1):
             if ring > 0:
                 end = gather_ring(mesh, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
             step, rings[ring + 1] = rate_of_point * strength[ring], last
             for i in range(first, last):  # moves are inlined, because calls would take longer
-                v = np.int64(queue[i])
+                v = queue[i]
                 if kind[v] == FREE:
                     before = xy(position, v)
                     there = plus_times(before, step, minus(x, before))
                 elif kind[v] == SLIDING:
-                    chain = np.int64(constraints.chain[v, OWN])
+                    chain = constraints.chain[v, OWN]
                     parameter = stepped_parameter(constraints, chain, v, x, step)
                     if chains.flags[chain, PAIRED]:
                         cause = slide_pair(mesh, v, parameter, floor)
@@ -95,13 +96,13 @@ def gather_ring(mesh, region, queue, first, last, stamps, stamp):
     for i in range(first, last):
         v = queue[i]
         if inner[v]:
-            for k in range(star.start[v], star.start[v + 1]):
+            for k in rows_of(star, v):
                 other = star.ahead[k]
                 queue[end] = other  # overwritten unless new, because a branch would be unpredictable
                 end += stamps[other] != stamp
                 stamps[other] = stamp
             continue
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             if elements.region[star.element[k]] != region:
                 continue
             for other in (star.ahead[k], star.behind[k]):
@@ -133,7 +134,7 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
                 end = gather_ring(mesh, there, queue, first, last, stamps, stamp)
                 first, last = last, end
                 for i in range(first, last):
-                    v, step = np.int64(queue[i]), rate * strength[ring]
+                    v, step = queue[i], rate * strength[ring]
                     move_to_image(mesh, v, image, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
@@ -146,7 +147,7 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
 @inner_kernel
 def move_to_image(mesh, v, x, step, floor):
     position, constraints = mesh.position, mesh.constraints
-    chain = np.int64(constraints.chain[v, OWN])
+    chain = constraints.chain[v, OWN]
     if constraints.kind[v] == FREE:
         before = xy(position, v)
         there = plus_times(before, step, minus(x, before))
@@ -165,8 +166,8 @@ def stepped_parameter(constraints, chain, v, x, step):
 
 @inner_kernel
 def sliding_neighbour(elements, star, constraints, corner, chain):
-    found = np.int64(-1)
-    for k in range(star.start[corner], star.start[corner + 1]):
+    found = -1
+    for k in rows_of(star, corner):
         e, outlines = star.element[k], 0
         for j in range(3):
             if elements.node[e, j] == corner:
@@ -184,7 +185,7 @@ def sliding_neighbour(elements, star, constraints, corner, chain):
 
 @inner_kernel
 def relabel_edge(elements, star, a, b, chain):
-    for k in range(star.start[a], star.start[a + 1]):
+    for k in rows_of(star, a):
         e = star.element[k]
         if star.ahead[k] != b and star.behind[k] != b:
             continue
@@ -197,7 +198,7 @@ def relabel_edge(elements, star, a, b, chain):
 def jump(mesh, v, x, step, floor):
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
     chains = constraints.chains
-    onto, away = np.int64(constraints.chain[v, OWN]), np.int64(constraints.chain[v, OTHER])
+    onto, away = constraints.chain[v, OWN], constraints.chain[v, OTHER]
     corner, corner_away = parameter_of(position, constraints, onto, v), parameter_of(position, constraints, away, v)
     distance, target = distance_to_chain(chains, onto, x, corner)
     distance_away, target_away = distance_to_chain(chains, away, x, corner_away)
@@ -224,11 +225,11 @@ def jump_at_junction(mesh, v, x, step, floor):
     of the third segment, and the element changes its region.
     """
     position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    chains, onto = constraints.chains, np.int64(-1)
+    chains, onto = constraints.chains, -1
     least, target = np.inf, 0.0
-    for k in range(star.start[v], star.start[v + 1]):
+    for k in rows_of(star, v):
         for j in range(3):
-            c = np.int64(elements.chain[star.element[k], j])
+            c = elements.chain[star.element[k], j]
             if c < 0 or elements.node[star.element[k], j] == v:
                 continue
             distance, parameter = distance_to_chain(chains, c, x, parameter_of(position, constraints, c, v))
@@ -238,19 +239,19 @@ def jump_at_junction(mesh, v, x, step, floor):
     parameter = corner + step * (target - corner)
     if parameter == corner:
         return
-    for k in range(star.start[v], star.start[v + 1]):
-        e = np.int64(star.element[k])
-        ahead, behind = np.int64(star.ahead[k]), np.int64(star.behind[k])
+    for k in rows_of(star, v):
+        e = star.element[k]
+        ahead, behind = star.ahead[k], star.behind[k]
         for next_node, other in ((ahead, behind), (behind, ahead)):
             if not may_follow(mesh, e, v, next_node, other, onto):
                 continue
             if swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
-                third = np.int64(chain_of_edge(elements, e, next_node))
-                hand_over(constraints, v, next_node, np.int64(JUNCTION), np.int64(-1), parameter)
+                third = chain_of_edge(elements, e, next_node)
+                hand_over(constraints, v, next_node, JUNCTION, -1, parameter)
                 constraints.chain[v, OWN] = onto
                 elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements.node, e, next_node)]]
                 relabel_edge(elements, star, v, next_node, onto)
-                relabel_edge(elements, star, v, other, np.int64(-1))
+                relabel_edge(elements, star, v, other, -1)
                 relabel_edge(elements, star, next_node, other, third)
                 return
 
@@ -274,7 +275,7 @@ def may_follow(mesh, e, v, next_node, other, onto):
 
 @inner_kernel
 def chain_of_edge(elements, e, v):
-    return np.int64(elements.chain[e, corner_of(elements.node, e, v)])
+    return elements.chain[e, corner_of(elements.node, e, v)]
 
 
 @inner_kernel

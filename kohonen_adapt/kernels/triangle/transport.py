@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import (
@@ -40,9 +41,9 @@ def sum_weights(winners, region, weights, elements, star, mass):
         mass[e] = 0.0
     for t in range(winners.shape[0]):
         v, count = winners[t], 0
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             count += elements.region[star.element[k]] == region[t]
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             if elements.region[star.element[k]] == region[t]:
                 mass[star.element[k]] += weights[t] / count
 
@@ -72,11 +73,11 @@ def find_directions(node, constraints, cluster, count, along):
         count[c] = along[c, 0] = along[c, 1] = along[c, 2] = 0.0
     for e in range(node.shape[0]):
         for k in range(3):
-            v, c = np.int64(node[e, k]), cluster[e]
+            v, c = node[e, k], cluster[e]
             if constraints.kind[v] != FREE:
                 count[c] += 1.0
             if constraints.kind[v] == SLIDING:
-                tangent = tangent_at(constraints.chains, np.int64(constraints.chain[v, OWN]), constraints.parameter[v])
+                tangent = tangent_at(constraints.chains, constraints.chain[v, OWN], constraints.parameter[v])
                 put(along, c, plus_square(point(along, c), 1.0, tangent))
     for c in range(along.shape[0]):
         if count[c] == 0.0:
@@ -90,7 +91,7 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
     kind = constraints.kind
     for v in range(first, last):
         total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             total = plus(total, xy(flow, cluster[star.element[k]]))
         put(move, v, divided(total, count))
         if kind[v] != FREE:
@@ -102,11 +103,11 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
     kind = constraints.kind
     for v in range(first, last):
         total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             total = plus(total, xy(move, star.ahead[k]))
         if kind[v] != FREE:  # around a free node `behind` is `ahead` in the next row
             count *= 2
-            for k in range(star.start[v], star.start[v + 1]):
+            for k in rows_of(star, v):
                 total = plus(total, xy(move, star.behind[k]))
         put(smoothed, v, divided(total, count))
         if kind[v] != FREE:
@@ -121,7 +122,7 @@ def length_of(position, a, b):
 
 @inner_kernel
 def project_on_boundary(constraints, v, move):
-    chain = np.int64(constraints.chain[v, OWN])
+    chain = constraints.chain[v, OWN]
     if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
         put(move, v, (0.0, 0.0))
         return
@@ -133,7 +134,7 @@ def project_on_boundary(constraints, v, move):
 def measure_moves(position, star, move, first, last, ratio):
     for v in range(first, last):
         x, doubled = xy(position, v), 0.0
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             doubled += cross(from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k]))
         ratio[v] = math.hypot(move[v, 0], move[v, 1]) / math.sqrt(max(doubled / 6.0, FLAT * FLAT))
 
@@ -172,11 +173,11 @@ def move_to_neighbour_mean(target, parameter, node, star, constraints, spoiled):
                 if kind[v] == HELD:
                     continue
                 total, count = (0.0, 0.0), 2 * (star.start[v + 1] - star.start[v])
-                for k in range(star.start[v], star.start[v + 1]):
+                for k in rows_of(star, v):
                     total = plus(total, plus(xy(target, star.ahead[k]), xy(target, star.behind[k])))
                 put(target, v, divided(total, count))
                 if kind[v] == SLIDING:
-                    place_on_boundary(target, parameter, constraints, np.int64(v))
+                    place_on_boundary(target, parameter, constraints, v)
 
 
 @kernel
@@ -187,7 +188,7 @@ def slow_down(position, target, parameter, node, star, constraints, spoiled, rin
     nodes are not slowed. A node moves the fraction of its step that is `ring` over the initial number. All calls of a
     step share `ring`, so that speeds change gradually.
     """
-    last = np.int64(0)
+    last = 0
     for e in range(spoiled.shape[0]):
         if spoiled[e]:
             for corner in range(3):
@@ -196,7 +197,7 @@ def slow_down(position, target, parameter, node, star, constraints, spoiled, rin
     while first < last:
         v = queue[first]
         first += 1
-        for k in range(star.start[v], star.start[v + 1]):
+        for k in rows_of(star, v):
             last = slow_node(position, target, parameter, constraints, star.ahead[k], ring[v] + 1, ring, queue, last)
             if not constraints.inner[v]:  # around an inner node `behind` is `ahead` in the next row
                 last = slow_node(
@@ -214,13 +215,13 @@ def slow_node(position, target, parameter, constraints, v, rings, ring, queue, l
     step = times(fraction, from_to(before, target, v))
     put(target, v, plus(before, step))
     if constraints.kind[v] == SLIDING and (step[0] != 0.0 or step[1] != 0.0):  # a stopped node keeps its exact position
-        place_on_boundary(target, parameter, constraints, np.int64(v))
+        place_on_boundary(target, parameter, constraints, v)
     return last + 1
 
 
 @inner_kernel
 def place_on_boundary(target, parameter, constraints, v):
-    chain, chains = np.int64(constraints.chain[v, OWN]), constraints.chains
+    chain, chains = constraints.chain[v, OWN], constraints.chains
     if not chains.flags[chain, PAIRED]:
         parameter[v] = nearest_parameter(chains, chain, xy(target, v), constraints.parameter[v])
     put(target, v, point_at(chains, chain, parameter[v]))
@@ -255,8 +256,8 @@ def stop_nodes(position, target, node, star, floor, spoiled, queue):
             if target[v, 0] == position[v, 0] and target[v, 1] == position[v, 1]:
                 continue
             put(target, v, xy(position, v))
-            for k in range(star.start[v], star.start[v + 1]):
-                other = np.int64(star.element[k])
+            for k in rows_of(star, v):
+                other = star.element[k]
                 if not spoiled[other] and spoils(position, target, node, other, floor):
                     spoiled[other] = True
                     queue[last] = other

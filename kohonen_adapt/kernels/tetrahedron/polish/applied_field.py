@@ -6,6 +6,7 @@ with values and derivatives at the corners that give the values at the midpoints
 """
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     AT_X,
     FIELD_X,
@@ -91,7 +92,7 @@ def work_around(mesh, trial, v, x, change):
     # outside iron.
     total = by_w = 0.0
     node, moved = mesh.elements.node, (v, x, 0.0)
-    for row in range(mesh.star.start[v], mesh.star.start[v + 1]):
+    for row in rows_of(mesh.star, v):
         e = mesh.star.element[row]
         for k in range(4):
             if node[e, k] != v and is_loaded(mesh, trial, e, k):

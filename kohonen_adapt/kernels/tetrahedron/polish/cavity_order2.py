@@ -23,7 +23,7 @@ def energy_of_old(mesh, quadratic, old, count, a, b):
     magnitude = total = 0.0
     clear(block, 1)
     for i in range(count):
-        e = np.int64(old[i])
+        e = old[i]
         region = mesh.elements.region[e]
         for k in range(4):
             block.local[i, k], block.dof[i, k] = value_at(trial, region, node[e, k]) - own, -1
@@ -99,7 +99,7 @@ def list_edges(mesh, quadratic, count):
     block, modes, node = quadratic.block, quadratic.modes, mesh.elements.node
     edges = 0
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = mesh.cavity.old[i]
         for k in range(6):
             p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
             if find_edge(block, edges, p, q) < edges:
@@ -140,7 +140,7 @@ def gather_new(mesh, quadratic, count, known, own, base):
 @inner_kernel
 def are_new(mesh, block, known, edges):
     for row in range(known, edges):
-        if gather_edge(mesh, np.int64(block.end[row, 0]), np.int64(block.end[row, 1]), mesh.cavity.around_other) != 0:
+        if gather_edge(mesh, block.end[row, 0], block.end[row, 1], mesh.cavity.around_other) != 0:
             return False
     return True
 
@@ -157,7 +157,7 @@ def solve_unknowns(block):
 def store_new(mesh, quadratic, count):
     block, modes = quadratic.block, quadratic.modes
     for i in range(count):
-        e = np.int64(mesh.cavity.made[i])
+        e = mesh.cavity.made[i]
         for k in range(6):
             mode, dof = block.local[i, 4 + k], block.dof[i, 4 + k]
             modes.side[e, k, 0] = mode + block.correction[dof] if dof >= 0 else mode

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corner_of, corners_around
 from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, sixth_flux, source_around
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import set_functions, set_offsets, slopes_at
@@ -38,7 +39,7 @@ def has_curves(block, v):
 def follow_surfaces(position, surfaces, block, v):
     patches = surfaces.shape.shape[0]
     for row in range(block.curve_start[v], block.curve_start[v + 1]):
-        place, w = np.int64(block.curve_place[row]), np.int64(block.curve_end[row])
+        place, w = block.curve_place[row], block.curve_end[row]
         if place < 0:
             continue
         x = midpoint(position, v, w)
@@ -54,14 +55,14 @@ def slivers_at(mesh, quadratic, v):
     # the sum of S + abs(S) over the faces at v, for the coefficients in the block
     star, elements, counted = mesh.star, mesh.elements, quadratic.trial.counted
     total = 0.0
-    for row in range(star.start[v], star.start[v + 1]):
-        e = np.int64(star.element[row])
+    for row in rows_of(star, v):
+        e = star.element[row]
         for j in range(4):
-            p, across = np.int64(elements.patch[e, j]), np.int64(elements.neighbour[e, j])
+            p, across = elements.patch[e, j], elements.neighbour[e, j]
             if p < 0 or not counted[p] or elements.node[e, j] == v or 0 <= across < e:
                 continue
             own = sliver_of(mesh, quadratic, v, row, j, p)
-            for other in range(star.start[v], star.start[v + 1]):
+            for other in rows_of(star, v):
                 if star.element[other] == across:
                     own += sliver_of(mesh, quadratic, v, other, corner_of(elements.neighbour, across, e), p)
             total += own + abs(own)
@@ -71,7 +72,7 @@ def slivers_at(mesh, quadratic, v):
 @inner_kernel
 def sliver_of(mesh, quadratic, v, row, j, p):
     # of the element in a row of the star, at its face j on patch p
-    element = np.int64(mesh.star.element[row])
+    element = mesh.star.element[row]
     corners = corners_around(mesh.star, row, v)
     k = 1
     while corners[k] != mesh.elements.node[element, j]:

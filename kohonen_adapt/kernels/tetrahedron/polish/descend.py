@@ -65,8 +65,8 @@ def descend_nodes(mesh, trial, quadratic, order, floor):
     coefficients of its edges are eliminated. `floor` is the cube of a quality.
     """
     fall = 0.0
-    for node in order:
-        fall += move_node(mesh, trial, quadratic, np.int64(node), floor)
+    for v in order:
+        fall += move_node(mesh, trial, quadratic, v, floor)
     return fall
 
 
@@ -243,7 +243,7 @@ def change_star(mesh, quadratic, v):
     begin = star.start[v]
     quadratic.trial.value[v] += block.correction[0]
     for row in range(begin, star.start[v + 1]):
-        e = np.int64(star.element[row])
+        e = star.element[row]
         k = corner_of(mesh.elements.node, e, v)
         for i in range(3):
             if block.dof[row - begin, 4 + i] >= 0:
@@ -284,7 +284,7 @@ def turn_allowed(mesh, v, curved, x):
 
 @inner_kernel
 def rates_row(constraints, v):
-    place = np.int64(constraints.freedom.place[v])
+    place = constraints.freedom.place[v]
     if constraints.freedom.number[v] == ON_PATCH:
         return place
     return constraints.surfaces.shape.shape[0] + place
@@ -298,7 +298,7 @@ def follow_value(gradient, by_w, hessian, mixed, ww, rate):
 
 @inner_kernel
 def tangential(mesh, v, gradient, hessian):
-    surfaces, place = mesh.constraints.surfaces, np.int64(mesh.constraints.freedom.place[v])
+    surfaces, place = mesh.constraints.surfaces, mesh.constraints.freedom.place[v]
     x = point(mesh.position, v)
     if mesh.constraints.freedom.number[v] == ON_PATCH:
         normal = signed_distance(surfaces, place, x)[1]

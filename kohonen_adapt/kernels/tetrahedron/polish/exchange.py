@@ -70,11 +70,10 @@ def weigh_splits(mesh, trial, quadratic, offers, p, floor, nodes):
     elements around the node, and is 0 if the split is not allowed. Row p of the positions is scratch of order 2.
     """
     node, cavity = mesh.elements.node, mesh.cavity
-    for i in range(len(nodes)):
-        v = np.int64(nodes[i])
+    for v in nodes:
         count = gather_around(mesh, v, cavity.old)
         for j in range(list_neighbours(mesh, v, count)):
-            w = np.int64(cavity.made[j])
+            w = cavity.made[j]
             if w < v:
                 continue
             gain, unknowns = 1.0, 1
@@ -88,7 +87,7 @@ def weigh_splits(mesh, trial, quadratic, offers, p, floor, nodes):
             if quadratic is not None:
                 put(mesh.position, p, midpoint(mesh.position, v, w))
                 gain, unknowns, _ = gain_of_split_order2(mesh, quadratic, cavity.around_other, shell, v, w, p)
-            e = np.int64(cavity.around_other[0])
+            e = cavity.around_other[0]
             offers.gain[e, edge_between(node, e, v, w)] = max(0.0, gain / unknowns)
 
 
@@ -98,14 +97,14 @@ def cheapest_collapse(mesh, trial, quadratic, v, most, floor):
 
     The cost per unknown is below `most`. Returned are inf and -1 if no collapse is allowed.
     """
-    freedom, into = mesh.freedom, np.int64(NOWHERE)
+    freedom, into = mesh.freedom, NOWHERE
     cheapest, least_cost = most, 0.0
     saved = 0
     count = gather_around(mesh, v, mesh.cavity.old)
     before, worst = energy_around(mesh, trial, quadratic, v, count)
     neighbours, least = list_neighbours(mesh, v, count), max(FLAT, min(floor, worst))
     for i in range(neighbours if neighbours < UNKNOWNS else 0):
-        w = np.int64(mesh.cavity.made[i])
+        w = mesh.cavity.made[i]
         if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
             continue
         if quadratic is None:
@@ -130,7 +129,7 @@ def energy_around(mesh, trial, quadratic, v, count):
     if quadratic is not None:
         total = energy_of_old(mesh, quadratic, mesh.cavity.old, count, v, v)[1]
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = mesh.cavity.old[i]
         worst = min(worst, element_quality(mesh.position, node, e))
         if quadratic is None:
             total += energy_of(mesh, trial, node, e, mesh.elements.region[e], v, v)[0]
@@ -140,8 +139,7 @@ def energy_around(mesh, trial, quadratic, v, count):
 
 @kernel
 def weigh_collapses(mesh, trial, quadratic, offers, most, floor, nodes):
-    for i in range(len(nodes)):
-        v = np.int64(nodes[i])
+    for v in nodes:
         offers.cost[v] = np.inf
         if offers.removable[v]:
             offers.cost[v] = cheapest_collapse(mesh, trial, quadratic, v, most, floor)[0]
@@ -154,8 +152,7 @@ def next_collapse(mesh, trial, quadratic, offers, nodes, a, b, most, credit, flo
     The cost per unknown is less than `most`. The collapse keeps edge ab at order 1, and costs less than `credit` at
     order 2. The node is -1 if there is none. Nodes that cannot collapse are marked in `offers.removable`.
     """
-    for i in range(len(nodes)):
-        v = np.int64(nodes[i])
+    for v in nodes:
         if not offers.cost[v] < most:
             break
         if not offers.removable[v]:
@@ -228,7 +225,7 @@ def exchange(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, m
     """
     splits, decrease = 0, 0.0
     for i in range(len(ends)):
-        a, b = np.int64(ends[i, 0]), np.int64(ends[i, 1])
+        a, b = ends[i, 0], ends[i, 1]
         if mesh.pool.height[1] < MOST or not offer_is_left(offers, nodes, state, margin, gains[i]):
             break
         if quadratic is not None and mesh.pool.height[0] < SCRATCH_ROWS:
@@ -236,7 +233,7 @@ def exchange(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, m
         count = 0 if offers.is_new[a] or offers.is_new[b] else prepare_split(mesh, a, b, floor)
         if count == 0:
             continue
-        p = np.int64(mesh.pool.free_nodes[mesh.pool.height[0] - 1])
+        p = mesh.pool.free_nodes[mesh.pool.height[0] - 1]
         credit, added, value, given = gain_at(mesh, trial, quadratic, mesh.cavity.old, count, a, b, p)
         most = credit / (margin * added)
         if not credit > SHRUNK * gains[i] * added:
@@ -270,7 +267,7 @@ def exchange(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, m
 @inner_kernel
 def is_open(mesh, offers, count, a, b):
     for i in range(count):
-        e = np.int64(mesh.cavity.around_other[i])
+        e = mesh.cavity.around_other[i]
         for k in range(4):
             p = mesh.elements.patch[e, k]
             if p >= 0 and not offers.open[p] and mesh.elements.node[e, k] not in (a, b):
@@ -284,7 +281,7 @@ def halves_allowed(mesh, count, a, b, floor):
     x = midpoint(mesh.position, a, b)
     before = after = 2.0
     for i in range(count):
-        e = np.int64(mesh.cavity.around_other[i])
+        e = mesh.cavity.around_other[i]
         c, d = other_corners(node, e, corner_of(node, e, a), corner_of(node, e, b))
         before = min(before, cubed_quality(position, a, b, c, d))
         after = min(after, cubed_quality_at(position, x, b, c, d))

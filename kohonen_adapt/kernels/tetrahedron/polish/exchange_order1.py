@@ -66,7 +66,7 @@ def split_parabola(mesh, trial, shell, count, a, b, w):
     magnitude = total = slope = stiffness = 0.0
     nonlinear, node = False, mesh.elements.node
     for i in range(count):
-        e = np.int64(shell[i])
+        e = shell[i]
         region = mesh.elements.region[e]
         k, j = corner_of(node, e, a), corner_of(node, e, b)
         c, d = other_corners(node, e, k, j)
@@ -80,7 +80,7 @@ def split_parabola(mesh, trial, shell, count, a, b, w):
 def other_corners(node, e, k, j):
     for i in range(3):
         if OPPOSITE[k, i] == j:
-            return np.int64(node[e, OPPOSITE[k, (i + 1) % 3]]), np.int64(node[e, OPPOSITE[k, (i + 2) % 3]])
+            return node[e, OPPOSITE[k, (i + 1) % 3]], node[e, OPPOSITE[k, (i + 2) % 3]]
     return NOWHERE, NOWHERE
 
 
@@ -95,7 +95,7 @@ def gain_of_split(mesh, trial, shell, count, a, b):
     if nonlinear:
         gain = before - split_parabola(mesh, trial, shell, count, a, b, w)[1]
     gain += filled_slivers(mesh, trial, shell, count, a, b)
-    region = mesh.elements.region[np.int64(shell[0])]  # the edge is not on a surface with offsets, which holds edges
+    region = mesh.elements.region[shell[0]]  # the edge is not on a surface with offsets, which holds edges
     middle = 0.5 * (value_at(trial, region, a) + value_at(trial, region, b))
     return gain if gain > ROUNDING * magnitude else 0.0, middle + w
 
@@ -104,7 +104,7 @@ def gain_of_split(mesh, trial, shell, count, a, b):
 def filled_slivers(mesh, trial, shell, count, a, b):
     gain, elements = 0.0, mesh.elements
     for i in range(count):
-        e = np.int64(shell[i])
+        e = shell[i]
         for k in range(4):
             p = elements.patch[e, k]
             if p >= 0 and trial.counted[p] and elements.node[e, k] not in (a, b):
@@ -151,7 +151,7 @@ def energy_merged(mesh, trial, v, w, count, least):
     position, elements, node = mesh.position, mesh.elements, mesh.elements.node
     total = 0.0
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = mesh.cavity.old[i]
         k = corner_of(node, e, v)
         if corner_of(node, e, w) >= 0:
             p = elements.patch[e, k]

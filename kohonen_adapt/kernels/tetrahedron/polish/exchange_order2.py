@@ -30,7 +30,7 @@ def write_element(mesh, quadratic, i, e, end, p, own, rows):
     block, modes, node = quadratic.block, quadratic.modes, mesh.elements.node
     mesh.cavity.region[i] = mesh.elements.region[e]
     for k in range(4):
-        v = p if node[e, k] == end else np.int64(node[e, k])
+        v = p if node[e, k] == end else node[e, k]
         mesh.cavity.new[i, k], block.dof[i, k] = v, -1
         block.local[i, k] = value_at(quadratic.trial, mesh.cavity.region[i], v) - own
     for k in range(6):
@@ -51,7 +51,7 @@ def gain_of_split_order2(mesh, quadratic, shell, count, a, b, p):
     block, modes, trial, node = quadratic.block, quadratic.modes, quadratic.trial, mesh.elements.node
     # the halves of curved elements do not contain the function
     now = energy_of_old(mesh, quadratic, shell, count, a, b)[1] if block.curve_end.shape[0] > 0 else 0.0
-    e = np.int64(shell[0])
+    e = shell[0]
     ab = EDGE_OF[corner_of(node, e, a), corner_of(node, e, b)]
     middle, given = modes.side[e, ab, 0], modes.dirichlet[e, ab]
     rows = 2
@@ -59,7 +59,7 @@ def gain_of_split_order2(mesh, quadratic, shell, count, a, b, p):
     for row in range(2):
         block.mode[row], block.edge_given[row] = 0.25 * middle, given
     for i in range(count):
-        e = np.int64(shell[i])
+        e = shell[i]
         ka, kb = corner_of(node, e, a), corner_of(node, e, b)
         for k in range(4):
             if k in (ka, kb):
@@ -83,7 +83,7 @@ def gain_of_split_order2(mesh, quadratic, shell, count, a, b, p):
     for i in range(count):
         for j in range(2):
             end = a if j == 0 else b
-            write_element(mesh, quadratic, 2 * i + j, np.int64(shell[i]), end, p, trial.value[a], rows)
+            write_element(mesh, quadratic, 2 * i + j, shell[i], end, p, trial.value[a], rows)
             if not given:
                 block.dof[2 * i + j, corner_of(mesh.cavity.new, 2 * i + j, p)] = 0
     before, least = least_energy(mesh, quadratic, 2 * count, unknowns, a, b)
@@ -101,7 +101,7 @@ def energy_merged_order2(mesh, quadratic, v, w, count, neighbours, least):
         block.edge_given[row] = False
     new = edges = unknowns = 0
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = mesh.cavity.old[i]
         kv, kw = corner_of(node, e, v), corner_of(node, e, w)
         if kw >= 0:
             for k in range(4):
@@ -128,7 +128,7 @@ def energy_merged_order2(mesh, quadratic, v, w, count, neighbours, least):
         unknowns += 0 if block.edge_given[row] else 1
     new = 0
     for i in range(count):
-        e = np.int64(mesh.cavity.old[i])
+        e = mesh.cavity.old[i]
         if corner_of(node, e, w) < 0:
             write_element(mesh, quadratic, new, e, v, w, quadratic.trial.value[v], neighbours)
             new += 1

@@ -9,6 +9,7 @@ would be at places without a jump of the field, and results on the mesh would su
 """
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corners_of, face_of
 from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, sixth_flux, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
@@ -130,7 +131,7 @@ def slivers_of(position, elements, surfaces, trial, e, moved):
 
 @inner_kernel
 def has_slivers(mesh, trial, v):
-    for j in range(mesh.star.start[v], mesh.star.start[v + 1]):
+    for j in rows_of(mesh.star, v):
         for k in range(4):
             p = mesh.elements.patch[mesh.star.element[j], k]
             if p >= 0 and trial.counted[p]:
@@ -141,7 +142,7 @@ def has_slivers(mesh, trial, v):
 @inner_kernel
 def slivers_around(mesh, trial, v, x, w):
     total, moved = ZERO, (v, x, w)
-    for j in range(mesh.star.start[v], mesh.star.start[v + 1]):
+    for j in rows_of(mesh.star, v):
         e = mesh.star.element[j]
         total = plus(total, slivers_of(mesh.position, mesh.elements, mesh.constraints.surfaces, trial, e, moved))
     return total

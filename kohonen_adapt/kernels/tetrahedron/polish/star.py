@@ -22,6 +22,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.functionals import eliminate, energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, POSITION, REDUCED, TWELFTH_COEFFICIENT, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
@@ -80,7 +81,7 @@ def derivatives(mesh, trial, v, x, w, rise, wanted):
     magnitude = total = by_w = ww = 0.0
     gradient, hessian, mixed = ZERO, ZEROS, ZERO
     worst, nonlinear = 2.0, False
-    for row in range(star.start[v], star.start[v + 1]):
+    for row in rows_of(star, v):
         i, j, k = others(star, row)
         region = mesh.elements.region[star.element[row]]
         a, b, c = from_to(x, position, i), from_to(x, position, j), from_to(x, position, k)
@@ -203,7 +204,7 @@ def number_star(mesh, quadratic, v):
     if star.start[v + 1] - begin > block.local.shape[0]:
         return False
     for row in range(begin, star.start[v + 1]):
-        j, e = row - begin, np.int64(star.element[row])
+        j, e = row - begin, star.element[row]
         k, region = corner_of(mesh.elements.node, e, v), mesh.elements.region[e]
         for i in range(10):
             block.dof[j, i] = -1
@@ -247,7 +248,7 @@ def derivatives_order2(mesh, quadratic, v, wanted):
 
 @inner_kernel
 def has_law(mesh, trial, v):
-    for row in range(mesh.star.start[v], mesh.star.start[v + 1]):
+    for row in rows_of(mesh.star, v):
         if trial.laws.number[mesh.elements.region[mesh.star.element[row]]] >= 0:
             return True
     return False

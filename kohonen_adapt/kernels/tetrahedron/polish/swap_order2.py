@@ -69,7 +69,7 @@ def energy_of_rings(mesh, quadratic, known, new, a, b, rings):
     nodes, _, _, _, patch = rings
     given = patch >= 0 and quadratic.dirichlet[patch]
     ring = mesh.cavity.ring
-    base = (np.int64(ring[0, 0]), np.int64(ring[0, nodes - 1])) if given else NO_EDGE
+    base = (ring[0, 0], ring[0, nodes - 1]) if given else NO_EDGE
     edges, unknowns = gather_new(mesh, quadratic, new, known, quadratic.trial.value[a], base)
     return least_energy(mesh, quadratic, new, unknowns, a, b)[1], edges
 
@@ -108,7 +108,7 @@ def remove_edge_order2(mesh, quadratic, a, b, rings, floor, charge):
 
 @inner_kernel
 def swap_face_order2(mesh, quadratic, charge):
-    a, b = np.int64(mesh.cavity.new[0, 0]), np.int64(mesh.cavity.new[0, 1])
+    a, b = mesh.cavity.new[0, 0], mesh.cavity.new[0, 1]
     magnitude, now, _ = energy_of_old(mesh, quadratic, mesh.cavity.old, 2, a, b)
     known = list_edges(mesh, quadratic, 2)
     edges, unknowns = gather_new(mesh, quadratic, 3, known, quadratic.trial.value[a], NO_EDGE)

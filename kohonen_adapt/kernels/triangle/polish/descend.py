@@ -50,18 +50,17 @@ def descend_nodes(descents, higher, order, floor):
     """
     constraints, fixed = descents.primal.constraints, descents.primal.trial.fixed
     gain = 0.0
-    for node in order:
-        v = np.int64(node)
-        kind, first = constraints.kind[v], np.int64(1 if fixed[v] else 0)  # first free unknown
+    for v in order:
+        kind, first = constraints.kind[v], 1 if fixed[v] else 0  # first free unknown
         for i in range(descents.terms):
             descent = descents.primal if i == 0 else descents.dual
             if len(higher) > 0:
                 gather_star(descent, v)
-                number_unknowns(descent, np.bool_(True))
+                number_unknowns(descent, True)
             if kind == HELD:
                 improve(descent, higher, v, first)
         if kind != HELD:
-            chain = np.int64(-1 if kind == FREE else constraints.chain[v, OWN])
+            chain = -1 if kind == FREE else constraints.chain[v, OWN]
             if len(higher) == 0:
                 gain += move_linear(descents, v, chain, first, floor)
             else:
@@ -191,7 +190,7 @@ def move_linear(descents, v, chain, first, floor):
         if may_move(position, star, v, x, floor):
             w = value_on(trial, chain, parameter) - trial.value[v] if first else -plus_dot(by_w, mixed, step) / ww
             if trial.nonlinear[v]:
-                c, r, k = least_parabola(position, star, trial, v, x, w, np.bool_(first))
+                c, r, k = least_parabola(position, star, trial, v, x, w, first)
             else:
                 _, c, r, k = around(position, star, trial, WITHOUT, v, x, 0.0)
             if not first:

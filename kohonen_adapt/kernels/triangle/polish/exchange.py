@@ -10,6 +10,7 @@ two operations share an element, the functional falls by the sum of all gains le
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, OWN, ROWS, SLIDING, VALUE, WITH
 from kohonen_adapt.kernels.triangle.geometry import corner_of, ends_of
 from kohonen_adapt.kernels.triangle.polish import linear
@@ -59,7 +60,7 @@ def weigh_splits(mesh, descents, higher, offers, floor, first, last):
     for e in range(first, last):
         for k in range(3):
             offers.gain[e, k] = 0.0
-            c, known = np.int64(elements.chain[e, k]), is_dirichlet(descents.primal, higher, e, k)
+            c, known = elements.chain[e, k], is_dirichlet(descents.primal, higher, e, k)
             if elements.neighbour[e, k] >= e or (not offers.open[c] if c >= 0 else known):  # the outer boundary is -1
                 continue
             a, b = ends_of(elements.node, e, k)
@@ -74,7 +75,7 @@ def weigh_splits(mesh, descents, higher, offers, floor, first, last):
 @inner_kernel
 def is_dirichlet(descent, higher, e, k):
     if len(higher) == 0:
-        return np.bool_(False)
+        return False
     return descent.modes.dirichlet[e, k]
 
 
@@ -99,7 +100,7 @@ def gain_of_split(descents, higher, e, k, x):
 @inner_kernel
 def change_by_split(descent, e, k, x):
     known = descent.modes.dirichlet[e, k]
-    v, other = ends_of(descent.elements.node, e, k)[0], np.int64(descent.elements.neighbour[e, k])
+    v, other = ends_of(descent.elements.node, e, k)[0], descent.elements.neighbour[e, k]
     special, nonlinear = descent.shapes.special[e], descent.trial.laws.number[e] >= 0
     unsplit = 0.0
     if other >= 0:
@@ -134,11 +135,11 @@ def weigh_collapses(mesh, descents, higher, offers, most, floor, first, last):
         before, least = 0.0, most
         farthest = np.inf
         if len(higher) > 0:
-            for row in range(star.start[v], star.start[v + 1]):
+            for row in rows_of(star, v):
                 farthest = min(farthest, FAR * squared_distance(position, v, xy(position, star.ahead[row])))
         for i in range(descents.terms):
             before += least_around(descents.primal if i == 0 else descents.dual, higher, v)
-        for j in range(star.start[v], star.start[v + 1]):
+        for j in rows_of(star, v):
             for i in range(2):
                 w = merge_target(mesh, star, v, j, i)
                 if w < 0 or squared_distance(position, v, xy(position, w)) > farthest:
@@ -154,11 +155,11 @@ def weigh_collapses(mesh, descents, higher, offers, most, floor, first, last):
 @inner_kernel
 def merge_target(mesh, star, v, j, i):
     # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
-    e, constraints = np.int64(star.element[j]), mesh.constraints
+    e, constraints = star.element[j], mesh.constraints
     chain = mesh.elements.chain[e, (corner_of(mesh.elements.node, e, v) + 2 - i) % 3]
     if chain != constraints.chain[v, OWN] if constraints.kind[v] == SLIDING else i == 1:
-        return np.int64(-1)
-    return np.int64(star.behind[j] if i else star.ahead[j])
+        return -1
+    return star.behind[j] if i else star.ahead[j]
 
 
 @inner_kernel
@@ -186,7 +187,7 @@ def merged(descent, higher, v, w):
     gather_merged(descent, v, w)
     if not may_centre(descent, x):
         return np.inf
-    number_unknowns(descent, np.bool_(False))
+    number_unknowns(descent, False)
     solved, _, total, square = minimise(descent, 1, x, COARSE_BLOCK if nonlinear else BLOCK)
     if not solved:
         return np.inf
@@ -195,7 +196,7 @@ def merged(descent, higher, v, w):
 
 @inner_kernel
 def lock_edge(mesh, e, k, locked):
-    other = np.int64(mesh.elements.neighbour[e, k])
+    other = mesh.elements.neighbour[e, k]
     if locked[e] or (other >= 0 and locked[other]):
         return False
     locked[e] = locked[other if other >= 0 else e] = True
@@ -222,7 +223,7 @@ def is_locked(mesh, v, locked):
 def next_collapse(mesh, offers, nodes, at, gain, floor):
     while at < len(nodes) and gain > offers.cost[nodes[at]]:
         v = nodes[at]
-        w = np.int64(offers.into[v])
+        w = offers.into[v]
         if not is_locked(mesh, v, offers.locked) and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
             return at
         at += 1
@@ -247,7 +248,7 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
         if at < 0:
             return pairs, decrease  # later edges gain less
         v = nodes[at]
-        w = np.int64(offers.into[v])
+        w = offers.into[v]
         at += 1
         decrease += gain - offers.cost[v]
         lock_around(mesh, v, locked)
@@ -255,7 +256,7 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
             put_merged(descents.primal if i == 0 else descents.dual, higher, v, w)
         collapse(mesh, v, w)
         a, b = ends_of(elements.node, e, k)
-        x, parameter = midpoint(mesh, np.int64(elements.chain[e, k]), a, b)
+        x, parameter = midpoint(mesh, elements.chain[e, k], a, b)
         gain_of_split(descents, higher, e, k, x)
         known = is_dirichlet(descents.primal, higher, e, k)
         p = split(mesh, e, k, x, parameter)
@@ -273,7 +274,7 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
 def put_merged(descent, higher, v, w):
     merged(descent, higher, v, w)
     for j in range(descent.block.size[ROWS]):
-        e = np.int64(descent.block.element[j])
+        e = descent.block.element[j]
         put_row(descent, j, e, corner_of(descent.elements.node, e, v))
 
 
@@ -281,7 +282,7 @@ def put_merged(descent, higher, v, w):
 def put_halves(mesh, descent, p):
     node, around, end = mesh.elements.node, mesh.scratch.around, descent.block.end
     for i in range(gather_around(mesh, p, around)):
-        e = np.int64(around[i])
+        e = around[i]
         k = corner_of(node, e, p)
         for j in range(descent.block.size[ROWS]):
             if end[j, 1] == node[e, (k + 1) % 3] and end[j, 2] == node[e, (k + 2) % 3]:

@@ -1,7 +1,5 @@
 """Edge flips that lower functionals, with the inner unknowns eliminated."""
 
-import numpy as np
-
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, VALUE
 from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_flip
@@ -36,7 +34,7 @@ def descend_flips(descents, higher, floor, gainful, first, last, marks):
     for e in range(first, last):
         gainful[e] &= not marks
         for k in range(3):
-            other = np.int64(elements.neighbour[e, k])
+            other = elements.neighbour[e, k]
             if gainful[e] == marks or other < e or elements.chain[e, k] >= 0:
                 continue
             decrease = gain_of_flip(descents, higher, e, k, other)
@@ -53,7 +51,7 @@ def descend_flips(descents, higher, floor, gainful, first, last, marks):
 
 @inner_kernel
 def flip(descents, higher, e, k, other):
-    q = np.int64(descents.primal.elements.node[e, (k + 2) % 3])
+    q = descents.primal.elements.node[e, (k + 2) % 3]
     flip_edge(descents.primal.elements, e, k)
     for i in range(descents.terms if len(higher) > 0 else 0):
         descent = descents.primal if i == 0 else descents.dual
@@ -87,14 +85,14 @@ def change_by_flip(descent, e, k, other):
     gather_beside(descent, e, k, own)
     descent.block.element[1] = e  # data that vary are extrapolated from the same element before and after
     hold_all_but(descent.block, q)
-    number_unknowns(descent, np.bool_(False))
+    number_unknowns(descent, False)
     _, magnitude, before, square = minimise(descent, 1, at_p, BLOCK)
     before -= 0.5 * square
     gather_flipped(descent, e, k, other, own)
     if not may_centre(descent, at_r):
         return 0.0, 0.0
     hold_all_but(descent.block, s)
-    number_unknowns(descent, np.bool_(False))
+    number_unknowns(descent, False)
     nonlinear = descent.trial.laws.number[e] >= 0
     _, more, after, square = minimise(descent, 1, at_r, COARSE_BLOCK if nonlinear else BLOCK)
     if not nonlinear:

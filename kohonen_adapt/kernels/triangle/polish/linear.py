@@ -18,6 +18,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import CONSTANTS, HALF_COEFFICIENT, SIXTH_SOURCE, WITH
 from kohonen_adapt.kernels.triangle.geometry import corners_around, ends_of, orientation
 from kohonen_adapt.kernels.triangle.polish.varying import flux_term, half_flux, half_flux_rates
@@ -56,7 +57,7 @@ def derivatives(position, star, trial, v):
     magnitude = total = by_w = ww = 0.0
     gradient, hessian = (0.0, 0.0), ZERO
     mixed = (0.0, 0.0)
-    for j in range(star.start[v], star.start[v + 1]):
+    for j in rows_of(star, v):
         e, i, k = star.element[j], star.ahead[j], star.behind[j]
         a, b = from_to(x, position, i), from_to(x, position, k)
         alpha, beta = trial.value[i] - own, trial.value[k] - own
@@ -132,8 +133,8 @@ def of_triangle(position, trial, laws, e, i, j, x, own, w):
 def around(position, star, trial, laws, v, x, w):
     """Return the sum of `of_triangle` around node `v` moved to x."""
     magnitude = c = r = k = 0.0
-    for row in range(star.start[v], star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
+    for row in rows_of(star, v):
+        e, a, b = star.element[row], star.ahead[row], star.behind[row]
         part = of_triangle(position, trial, laws, e, a, b, x, trial.value[v], w)
         magnitude += part[0]
         c += part[1]
@@ -182,11 +183,11 @@ def around_edge(descent, e, k, x, own, w):
     )
     magnitude = total = slope = stiffness = 0.0
     p, q = ends_of(node, e, k)
-    for f in (e, np.int64(neighbour[e, k])):
+    for f in (e, np.int64(neighbour[e, k])):  # tuples of two types have no loops
         if f < 0:
             continue
         a, b = (p, q) if f == e else (q, p)
-        c = np.int64(node[f, 0] + node[f, 1] + node[f, 2] - p - q)
+        c = node[f, 0] + node[f, 1] + node[f, 2] - p - q
         one = of_triangle(position, trial, WITH, f, c, a, x, own, w)
         two = of_triangle(position, trial, WITH, f, b, c, x, own, w)
         magnitude, total = magnitude + (one[0] + two[0]), total + (one[1] + two[1])
@@ -248,8 +249,8 @@ def merged(position, star, trial, v, w):
     """Return the functional around `v` merged into `w`, inf if inverted."""
     x, own = xy(position, w), trial.value[v]
     total = 0.0
-    for row in range(star.start[v], star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
+    for row in rows_of(star, v):
+        e, a, b = star.element[row], star.ahead[row], star.behind[row]
         if a == w or b == w:
             continue
         if not orientation(x, xy(position, a), xy(position, b)) > 0.0:

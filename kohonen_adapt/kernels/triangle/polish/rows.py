@@ -1,8 +1,7 @@
 """Triangles of nodes, merged nodes, split and flipped edges as rows of a `Block`."""
 
-import numpy as np
-
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import ROWS
 from kohonen_adapt.kernels.triangle.geometry import corner_of, corner_towards, ends_of, row_beside, rows_with
 from kohonen_adapt.kernels.triangle.polish.by_points import is_curved
@@ -29,7 +28,7 @@ def add_row(descent, e, a, b):
     """Add a triangle of nodes `a` and `b` with straight sides and an affine function."""
     block, value = descent.block, descent.trial.value
     own = descent.block.own[0]
-    j = np.int64(block.size[ROWS])
+    j = block.size[ROWS]
     block.size[ROWS] = j + 1
     block.element[j], block.special[j] = e, descent.shapes.around
     block.end[j, 0] = -1
@@ -76,8 +75,8 @@ def add_own_row(descent, e, v):
 def gather_star(descent, v):
     star = descent.star
     begin(descent, v, reference_value(descent, v))
-    for row in range(star.start[v], star.start[v + 1]):
-        add_own_row(descent, np.int64(star.element[row]), v)
+    for row in rows_of(star, v):
+        add_own_row(descent, star.element[row], v)
 
 
 @inner_kernel
@@ -86,8 +85,8 @@ def gather_merged(descent, v, w):
     star, node, block = descent.star, descent.elements.node, descent.block
     removed = rows_with(star, v, w)
     begin(descent, w, reference_value(descent, v))
-    for row in range(star.start[v], star.start[v + 1]):
-        e, a, b = np.int64(star.element[row]), np.int64(star.ahead[row]), np.int64(star.behind[row])
+    for row in rows_of(star, v):
+        e, a, b = star.element[row], star.ahead[row], star.behind[row]
         if a == w or b == w:
             continue
         k = corner_of(node, e, v)
@@ -96,7 +95,7 @@ def gather_merged(descent, v, w):
         for side in range(1, 3):
             known = row_beside(removed, a if side == 2 else b)
             if known >= 0:
-                f = np.int64(star.element[known])
+                f = star.element[known]
                 take_side(descent, j, side, f, corner_of(node, f, v))
             else:
                 block.dirichlet[j, side] = descent.modes.dirichlet[e, (k + side) % 3]
@@ -106,7 +105,7 @@ def gather_merged(descent, v, w):
 @inner_kernel
 def gather_beside(descent, e, k, own):
     """Add the elements of an edge, from its first node on. A missing element is -1."""
-    v, other = ends_of(descent.elements.node, e, k)[0], np.int64(descent.elements.neighbour[e, k])
+    v, other = ends_of(descent.elements.node, e, k)[0], descent.elements.neighbour[e, k]
     begin(descent, v, own)
     add_own_row(descent, e, v)
     if other >= 0:
@@ -123,11 +122,11 @@ def gather_halves(descent, e, k):
     node, block, halves = descent.elements.node, descent.block, descent.reference.halves
     is_dirichlet = descent.modes.dirichlet[e, k]
     begin(descent, ends_of(node, e, k)[0], reference_value(descent, ends_of(node, e, k)[0]))
-    at, corner = np.int64(e), k
+    at, corner = e, k
     for _ in range(2):
         if at < 0:
             continue
-        (a, b), c = ends_of(node, at, corner), np.int64(node[at, corner])
+        (a, b), c = ends_of(node, at, corner), node[at, corner]
         gather_part(descent, at, corner)
         for half in range(2):
             j = add_row(descent, at, c if half == 0 else b, a if half == 0 else c)
@@ -140,7 +139,7 @@ def gather_halves(descent, e, k):
                 for other in range(block.part.shape[0]):
                     total += halves[half, i, other] * block.part[other]
                 block.local[j, i] = total
-        across = np.int64(descent.elements.neighbour[at, corner])
+        across = descent.elements.neighbour[at, corner]
         corner = corner_towards(descent.elements.neighbour, across, at) if across >= 0 else 0
         at = across
 
@@ -163,9 +162,9 @@ def gather_flipped(descent, e, k, other, own):
 
     The edge is between `e` = (r, p, q) and `other` = (s, q, p).
     """
-    (p, q), r = ends_of(descent.elements.node, e, k), np.int64(descent.elements.node[e, k])
+    (p, q), r = ends_of(descent.elements.node, e, k), descent.elements.node[e, k]
     j = corner_towards(descent.elements.neighbour, other, e)
-    s = np.int64(descent.elements.node[other, j])
+    s = descent.elements.node[other, j]
     begin(descent, r, own)
     one = add_row(descent, e, p, s)
     take_side(descent, one, 0, other, (j + 1) % 3)
@@ -208,5 +207,5 @@ def put_star(descent, v, has_value):
     if has_value:
         descent.trial.value[v] = block.own[0] + block.local[0, 0]
     for j in range(block.size[ROWS]):
-        e = np.int64(block.element[j])
+        e = block.element[j]
         put_coefficients(descent, j, e, corner_of(descent.elements.node, e, v))
