@@ -5,14 +5,20 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "Array",
+    "DataFunction",
     "FilePath",
     "Floats",
+    "FloatsPair",
     "Function",
+    "Int8s",
+    "Int32s",
+    "Int64s",
     "Ints",
+    "IntsPair",
     "Mask",
     "Texts",
     "counted",
@@ -26,8 +32,14 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.integer]
+Int8s = NDArray[np.int8]
+Int32s = NDArray[np.int32]
+Int64s = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+FloatsPair = tuple[Floats, Floats]
+IntsPair = tuple[Ints, Ints]
 Function = Callable[[Floats], Floats]
+DataFunction = Callable[[Floats], ArrayLike]
 Texts = NDArray[np.str_]
 Array = NDArray[Any]
 FilePath = str | PathLike[str]
@@ -45,7 +57,7 @@ def free_rows(used: int, rows: int) -> Ints:
     return stack
 
 
-def ranks(order: Ints, rows: int) -> NDArray[np.int32]:
+def ranks(order: Ints, rows: int) -> Int32s:
     """Return the index in `order` of every row, or -1, shape (rows,)."""
     places = np.full(rows, -1, np.int32)
     places[order] = np.arange(len(order))
@@ -68,7 +80,7 @@ def counted(count: Ints) -> Ints:
     return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
 
-def unique_pairs(one: Ints, other: Ints) -> tuple[Ints, Ints]:
+def unique_pairs(one: Ints, other: Ints) -> IntsPair:
     """Return the different pairs of indices in ascending order."""
     count = int(other.max(initial=0)) + 1
     return np.divmod(np.unique(one.astype(np.int64) * count + other), count)

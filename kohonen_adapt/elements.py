@@ -7,7 +7,7 @@ import numpy as np
 from skfem.element import DiscreteField, ElementH1
 from skfem.refdom import RefTet
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.mesh.elements.functions import EQUIDISTANT, inner_order, nodes, parts, rank_of, reference_functions
 
 __all__ = ["ElementTetP3", "ElementTetP4"]
@@ -28,7 +28,7 @@ class _ElementTet(ElementH1):
         cls.dofnames = ["u"] * (1 + cls.edge_dofs + cls.facet_dofs + cls.interior_dofs)
 
     def __init__(self) -> None:
-        self._known: tuple[Any, tuple[Floats, Floats]] | None = None  # the last points, and all functions there
+        self._known: tuple[Any, FloatsPair] | None = None  # the last points, and all functions there
 
     def gbasis(self, mapping: Any, X: Floats, i: int, tind: Ints | None = None) -> tuple[DiscreteField]:
         t = mapping.mesh.t if tind is None else mapping.mesh.t[:, tind]
@@ -41,11 +41,11 @@ class _ElementTet(ElementH1):
             value, slope = values[number, each], slopes[number, :, each].swapaxes(0, 1)
         return (DiscreteField(value=value, grad=np.einsum("ijkl,ikl->jkl", mapping.invDF(X, tind), slope)),)
 
-    def lbasis(self, X: Floats, i: int) -> tuple[Floats, Floats]:
+    def lbasis(self, X: Floats, i: int) -> FloatsPair:
         values, slopes = self._functions(X)
         return values[i], slopes[i]
 
-    def _functions(self, X: Floats) -> tuple[Floats, Floats]:
+    def _functions(self, X: Floats) -> FloatsPair:
         # values (k, ...) and slopes (k, 3, ...)
         if self._known is None or self._known[0] is not X:
             last = X.reshape(DIM, -1)

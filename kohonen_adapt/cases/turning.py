@@ -1,6 +1,6 @@
 """Rotation of subdomains and their magnets by the angles of a case."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
+from kohonen_adapt.arrays import DataFunction, Floats, Ints, Mask, grouped
 from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
@@ -118,7 +118,7 @@ def _turned_vector(vector: Vector, rotation: Rotation) -> Vector:
 
 @dataclass(frozen=True)
 class _TurnedField:
-    field: Callable[[Floats], ArrayLike]
+    field: DataFunction
     rotation: Rotation
 
     def __call__(self, x: Floats) -> ArrayLike:

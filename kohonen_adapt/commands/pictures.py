@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Texts
+from kohonen_adapt.arrays import Floats, FloatsPair, Texts
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.plan import allowed_errors
 from kohonen_adapt.display import counted, lattice
@@ -218,7 +218,7 @@ def _magnitude(field: Any, divisions: int = 0) -> Floats:
     return np.hypot(*field.at_each(share).flux_density).reshape(share.shape[1], -1)
 
 
-def _lines_and_colours(field: Any) -> tuple[Floats, Floats]:
+def _lines_and_colours(field: Any) -> FloatsPair:
     if len(field.mesh.p) == 3:
         return field.potential[: field.mesh.nvertices], _magnitude(field)
     return _potential(field, flux=field.axisymmetric, by_corners=1), _magnitude(field, field.elements.order)

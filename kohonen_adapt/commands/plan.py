@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.display import counted
@@ -229,7 +229,7 @@ def _hanging(mesh: Mesh, rim: Ints) -> Ints:
     return np.unique(node[inside & (distance < SAME * reach[facet])])
 
 
-def _shares(corners: Floats, point: Floats) -> tuple[Floats, Floats]:
+def _shares(corners: Floats, point: Floats) -> FloatsPair:
     edges, off = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0), (point - corners[:, 0]).T
     turned = edges.swapaxes(1, 2)
     share = np.linalg.solve(turned @ edges, turned @ off[:, :, None])

@@ -4,10 +4,10 @@ A flux in exact equilibrium with the source bounds the error in the energy norm 
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Function, Mask
+from kohonen_adapt.arrays import Floats, Function, Int64s, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
@@ -257,7 +257,7 @@ def _check_plane(mesh: object) -> None:
     check_kind(mesh)
 
 
-def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[FluxData, NDArray[np.int64]]:
+def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[FluxData, Int64s]:
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
     turned = (node[:, 1] != mesh.t[1]).astype(np.int64)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import cg
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.estimators.residual_estimator import outflows, rows_of_ends
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.elements.assembly import assembled
@@ -61,7 +61,7 @@ class Surplus:
         right = np.einsum("jsk,sji->ik", on_sides, _on_sides()) - _moments() @ (self.space.volumes * divergence)
         return right * self.signs
 
-    def solve(self, metric: Floats, right: Floats) -> tuple[Floats, Floats]:
+    def solve(self, metric: Floats, right: Floats) -> FloatsPair:
         # The error in elements, (10, nelements), with signs as in single elements, and its squared norms, (nelements,),
         # for the products of the gradients of the last three barycentric coordinates with C, (3, 3, nelements).
         products = np.einsum("ijab,abk->ijk", _products(), self.space.volumes * metric, optimize=True)
@@ -75,7 +75,7 @@ class Surplus:
         return error * self.signs, np.einsum("in,ijn,jn->n", error, products, error, optimize=True)
 
 
-def cubic_functions(at: Floats) -> tuple[Floats, Floats]:
+def cubic_functions(at: Floats) -> FloatsPair:
     # values (10, n) and slopes by the last three barycentric coordinates, (10, 3, n), at points (n, 4)
     values, slopes = (of_all[ROWS] for of_all in hierarchical(at, 3))
     return values / SCALES[:, None], slopes / SCALES[:, None, None]

@@ -1,12 +1,10 @@
 """Recovery estimator of P1 solutions, by averages of the flux at nodes."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.estimators.endless_layers import with_strong_corners
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
@@ -112,7 +110,7 @@ def regions_of(discrete: DiscreteFlux, region: ArrayLike | None) -> Ints:
     return _equal_and_connected(mesh, np.where(alone, -1, number)[None])
 
 
-def _equal_and_connected(mesh: Mesh, data: NDArray[Any]) -> Ints:
+def _equal_and_connected(mesh: Mesh, data: Array) -> Ints:
     pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
     same = np.all(data[:, pairs[0]] == data[:, pairs[1]], axis=0)
     return connected_components_of(mesh.nelements, pairs[:, same].T)

@@ -4,10 +4,9 @@ import re
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, unique_pairs
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask, Texts, unique_pairs
 from kohonen_adapt.checks import listed
 from kohonen_adapt.geometry.movable import Movable
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -46,7 +45,7 @@ def reasons_of(movable: Movable, pinned: Mask, reason: Callable[[int], str]) -> 
     return ["" if not held[v] else "pinned" if pinned[v] else reason(v) for v in range(movable.nnodes)]
 
 
-def constrained_edges(movable: MovableMesh) -> tuple[Ints, Ints]:
+def constrained_edges(movable: MovableMesh) -> IntsPair:
     """Return the nodes (f, 2) and the curve segment (f,) of every constrained edge."""
     elements = movable.triangulation.elements
     e, k = np.nonzero(elements.chain >= 0)
@@ -116,6 +115,6 @@ def with_pins(reasons: list[str], mesh: Mesh, pinned: Pinned, points: Mapping[st
 
 
 # Angles differ from node to node.
-def without_turns(why: NDArray[np.str_]) -> NDArray[np.str_]:
+def without_turns(why: Texts) -> Texts:
     texts, number = np.unique(why, return_inverse=True)
     return np.array([TURN.sub("", text) for text in texts.tolist()], dtype=np.str_)[number]

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, padded, ranks
+from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask, padded, ranks
 from kohonen_adapt.checks import check_state, listed
 from kohonen_adapt.geometry.rules import Rules, check_for, euclidean_floor_of, floor_of
 from kohonen_adapt.mesh.host import facets_opposite, set_boundaries
@@ -82,7 +81,7 @@ class Movable(ABC):
 
     @property
     @abstractmethod
-    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+    def part_names(self) -> Mapping[str, Int8s]:
         """Orientation of each boundary name on the curve segments or patches."""
 
     @property
@@ -106,7 +105,7 @@ class Movable(ABC):
         """Return the bounds of the values by array, for n nodes and m elements."""
 
     @abstractmethod
-    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None: ...
+    def set_arrays(self, state: Mapping[str, Array]) -> None: ...
 
     @abstractmethod
     def sagitta(self) -> float:
@@ -176,27 +175,27 @@ class Movable(ABC):
     def input_mesh(self) -> Mesh:
         return self.tessellation.mesh
 
-    def state(self) -> dict[str, NDArray[Any]]:
+    def state(self) -> dict[str, Array]:
         records = self.records()
         split = {name: name.rpartition(".") for name in self.state_names}
         return {name: getattr(records[record], field) for name, (record, _, field) in split.items()}
 
-    def padded_state(self, nodes: int, elements: int, unused: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    def padded_state(self, nodes: int, elements: int, unused: Mapping[str, Any]) -> dict[str, Array]:
         rows = {name: elements if name in self.by_element else nodes for name in self.state_names}
         return {name: padded(array, rows[name], unused.get(name, -1)) for name, array in self.state().items()}
 
-    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def restore(self, state: Mapping[str, Array]) -> None:
         self.check_state(state)
         self.set_arrays({name: state[name].copy() for name in self.state_names})
         self.in_metric = not are_round(self.shape)
 
-    def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def check_state(self, state: Mapping[str, Array]) -> None:
         n, m = len(state.get("position", ())), len(state.get(self.by_element[0], ()))
         rows = {name: m if name in self.by_element else n for name in self.state_names}
         check_state(self.state(), state, rows, self.ranges(n, m))
 
 
-def arrays_of(record: str, state: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def arrays_of(record: str, state: Mapping[str, Array]) -> dict[str, Any]:
     return {name.removeprefix(f"{record}."): array for name, array in state.items() if name.startswith(f"{record}.")}
 
 
@@ -209,8 +208,8 @@ def settings_of(rules: Rules, tessellation: Triangulation | Tetrahedralization) 
 
 
 def reordered_state(
-    state: Mapping[str, NDArray[Any]], nodes: Ints, elements: Ints, by_element: Sequence[str]
-) -> dict[str, NDArray[Any]]:
+    state: Mapping[str, Array], nodes: Ints, elements: Ints, by_element: Sequence[str]
+) -> dict[str, Array]:
     """Return the arrays of some nodes and elements, in their order.
 
     The first two of `by_element` are the nodes and the neighbours of elements.

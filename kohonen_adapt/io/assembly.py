@@ -7,7 +7,7 @@ import numpy as np
 from skfem import Mesh, MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Ints
+from kohonen_adapt.arrays import Ints, IntsPair
 from kohonen_adapt.display import plural
 from kohonen_adapt.io.content import (
     DIMENSION,
@@ -119,7 +119,7 @@ def _element_counts(content: Content) -> tuple[dict[str, int], str]:
     return counts, ", ".join(f"{number} {shape} elements" for shape, number in sorted(counts.items())) or "no elements"
 
 
-def _unique_elements(rows: Rows) -> tuple[Ints, Ints]:
+def _unique_elements(rows: Rows) -> IntsPair:
     # Elements have the order of their numbers in the file. MSH 2.2 lists an element of two groups twice, under two
     # numbers.
     order = np.argsort(rows.number, kind="stable")

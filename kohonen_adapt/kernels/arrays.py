@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.numba.compilation import record
 
 UNGUARDED = -2.0  # minimum quality that every triangle exceeds, even an inverted triangle
@@ -24,13 +25,13 @@ class SearchScratch(NamedTuple):
     Stamps are compared with a counter that only increases.
     """
 
-    node_stamp: np.ndarray  # (n,) int64
-    element_stamp: np.ndarray  # (m,) int64
-    counter: np.ndarray  # (1,) int64
-    queue: np.ndarray  # (n + m + 1,) int32
-    frontier: np.ndarray  # (m,) int32: elements that the flood may enter
-    reach: np.ndarray  # (m,): squared distance from the point to the entry edge
-    crossed: np.ndarray  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
+    node_stamp: Array  # (n,) int64
+    element_stamp: Array  # (m,) int64
+    counter: Array  # (1,) int64
+    queue: Array  # (n + m + 1,) int32
+    frontier: Array  # (m,) int32: elements that the flood may enter
+    reach: Array  # (m,): squared distance from the point to the entry edge
+    crossed: Array  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SearchScratch":
@@ -53,7 +54,7 @@ class Metric(NamedTuple):
     `relief` of 1 stands for Euclidean quality alone.
     """
 
-    shape: np.ndarray  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz; in space
+    shape: Array  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz; in space
     # (0, 6) if all are round
     relief: float  # Euclidean quality may be below the floor by this factor, if quality in the metric is above
 
@@ -62,7 +63,7 @@ class Metric(NamedTuple):
 class KernelMesh(NamedTuple):
     """Mesh of triangles or tetrahedra, with the constraints on its nodes."""
 
-    position: np.ndarray  # (n, d)
+    position: Array  # (n, d)
     elements: Any  # Elements, or Tetrahedra
     star: Any
     constraints: Any
@@ -70,12 +71,12 @@ class KernelMesh(NamedTuple):
 
 @record
 class Lesson(NamedTuple):
-    points: np.ndarray  # (t, d)
-    region: np.ndarray  # (t,) int32
-    weights: np.ndarray  # (t,)
-    winners: np.ndarray  # (t,) int32
-    strength: np.ndarray  # (radius + 1,): neighbourhood function, from ring 0 to the radius
-    ends: np.ndarray  # (radius + 2,) int64: scratch for the ends of the rings in the queue
+    points: Array  # (t, d)
+    region: Array  # (t,) int32
+    weights: Array  # (t,)
+    winners: Array  # (t,) int32
+    strength: Array  # (radius + 1,): neighbourhood function, from ring 0 to the radius
+    ends: Array  # (radius + 2,) int64: scratch for the ends of the rings in the queue
 
 
 @record
@@ -85,10 +86,10 @@ class Pool(NamedTuple):
     Rows of free elements have node -1.
     """
 
-    anchor: np.ndarray  # (n,) int32: an element at each node, -1 for a free row
-    free_nodes: np.ndarray  # (n,) int32: a stack
-    free_elements: np.ndarray  # (m,) int32: a stack
-    height: np.ndarray  # (2,) int64: of both stacks
+    anchor: Array  # (n,) int32: an element at each node, -1 for a free row
+    free_nodes: Array  # (n,) int32: a stack
+    free_elements: Array  # (m,) int32: a stack
+    height: Array  # (2,) int64: of both stacks
 
 
 @record
@@ -100,10 +101,10 @@ class Modes(NamedTuple):
     Every edge of a tetrahedron has its coefficient in all of its elements, in the order of `EDGES`.
     """
 
-    side: np.ndarray  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd, or
+    side: Array  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd, or
     # (m, 6, 1): coefficients of the edges of tetrahedra
-    bubble: np.ndarray  # (m,): coefficients of the bubbles at order 3
-    dirichlet: np.ndarray  # (m, 3) bool: Dirichlet values on the side, or (m, 6) on the edge
+    bubble: Array  # (m,): coefficients of the bubbles at order 3
+    dirichlet: Array  # (m, 3) bool: Dirichlet values on the side, or (m, 6) on the edge
 
-    def rows(self, rows: np.ndarray) -> "Modes":
+    def rows(self, rows: Array) -> "Modes":
         return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 __all__ = ["Grid", "cell_index", "cells_between", "clear_counts", "enter", "sum_up_counts"]
@@ -20,14 +21,14 @@ class Grid(NamedTuple):
     The items of cell c are ``content[start[c] : start[c + 1]]``.
     """
 
-    origin: np.ndarray  # (d,) float64: lower corner of the first cell
-    size: np.ndarray  # (d,) float64: of a cell
-    shape: np.ndarray  # (d,) int64: number of cells
-    start: np.ndarray  # (g + 1,) int64
-    content: np.ndarray  # (start[g],) int32
+    origin: Array  # (d,) float64: lower corner of the first cell
+    size: Array  # (d,) float64: of a cell
+    shape: Array  # (d,) int64: number of cells
+    start: Array  # (g + 1,) int64
+    content: Array  # (start[g],) int32
 
     @classmethod
-    def over(cls, position: np.ndarray, wanted: float) -> "Grid":
+    def over(cls, position: Array, wanted: float) -> "Grid":
         """Return an empty grid over points (n, d) with about `wanted` almost cubic cells."""
         origin = position.min(axis=0)
         extent = position.max(axis=0) - origin

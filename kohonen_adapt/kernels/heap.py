@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 
@@ -14,9 +15,9 @@ class Heap(NamedTuple):
     Edges that are changed or removed from the mesh stay in the heap, and are skipped on removal.
     """
 
-    key: np.ndarray  # (k,)
-    ends: np.ndarray  # (k, 2) int32
-    size: np.ndarray  # (1,) int64
+    key: Array  # (k,)
+    ends: Array  # (k, 2) int32
+    size: Array  # (1,) int64
 
     @classmethod
     def of(cls, rows: int) -> "Heap":

@@ -1,9 +1,8 @@
 """Order of nodes along a space-filling curve, divided into parts for threads."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Int32s, Int64s, Ints
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.threads import even_cuts, shared
 
@@ -12,7 +11,7 @@ MARGIN = 0.0173  # fraction of the extent of a mesh
 FEW = 2_000  # points per thread, at least
 
 
-def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
+def along_curve(points: Floats, margin: float = MARGIN) -> Int64s:
     """Return the order of points (k, 2) or (k, 3) along Hilbert's curve, shape (k,).
 
     The square or cube of the curve exceeds the extent of the points by `margin`, so that rounding errors do not decide
@@ -31,7 +30,7 @@ def along_curve(points: Floats, margin: float = MARGIN) -> NDArray[np.int64]:
     return np.argsort(keys, kind="stable")
 
 
-def parts_along(order: NDArray[np.int32], rows: int, parts: int) -> NDArray[np.int32]:
+def parts_along(order: Int32s, rows: int, parts: int) -> Int32s:
     """Return the part of each row, shape (rows,), by equal stretches of `order`.
 
     Rows that are not in `order` are in part 0.

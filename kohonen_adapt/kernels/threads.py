@@ -10,13 +10,13 @@ from functools import partial
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from kohonen_adapt.arrays import Int32s, Mask
 from kohonen_adapt.kernels.numba.compilation import number_of_threads
 
 __all__ = ["LIGHT", "Nodes", "by_turns", "even_cuts", "number_of_threads", "shared", "shared_in_parts"]
 
-Nodes = NDArray[np.int32]
+Nodes = Int32s
 Result = TypeVar("Result")
 
 LIGHT = 15_000  # nodes or elements per thread of a light loop, at least, because starting a thread takes time
@@ -74,7 +74,7 @@ def by_turns(task: Callable[[int, int], Result], count: int) -> list[Result]:
     return [results[i] for i in range(count)]
 
 
-def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, *ways: tuple[Nodes, NDArray[np.bool_]]) -> float:
+def shared_in_parts(task: Callable[[int, Nodes], float], order: Nodes, *ways: tuple[Nodes, Mask]) -> float:
     """Call ``task(thread, nodes)`` for nodes in order by parts, and add the results.
 
     Each of `ways` is a partition: the part of every node, shape (n,), and the mask of interior nodes, whose neighbours

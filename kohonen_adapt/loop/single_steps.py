@@ -1,7 +1,7 @@
 """Relocation, polish and reasons of held nodes, without a loop of passes."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Texts
+from kohonen_adapt.arrays import DataFunction, Texts
 from kohonen_adapt.checks import check_count, with_nearest_names
 from kohonen_adapt.geometry.held_nodes import with_pins
 from kohonen_adapt.geometry.movable import unchanged
@@ -36,7 +36,7 @@ logger = logging.getLogger("kohonen_adapt")
 @with_nearest_names({"size": "density", "sizes": "density", "indicators": "density", "fixed": "pinned"})
 def relocate(
     mesh: Mesh,
-    density: ArrayLike | Callable[[Floats], ArrayLike],
+    density: ArrayLike | DataFunction,
     *,
     schedule: Schedule | None = None,
     topology: str = "flip",

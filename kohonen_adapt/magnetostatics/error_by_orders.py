@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import zeta
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.problem.energy import Energy
 
@@ -32,7 +32,7 @@ LEAST_POWER = 2.0  # of the fall of the squared changes with the order, 4 l + 1 
 Energies = Callable[[int], Energy]  # the functional of a solved problem by order, on the mesh of the solution
 
 
-def step_to(energy: Energy, here: Any, u: Floats, method: Newton) -> tuple[Floats, Floats]:
+def step_to(energy: Energy, here: Any, u: Floats, method: Newton) -> FloatsPair:
     """Return the values in elements of another order, and the Newton step there.
 
     The step is exact for linear material, and correct to second order in its size for others.

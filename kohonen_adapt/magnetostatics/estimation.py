@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux, goal_oriented, recovery, residual
 from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
@@ -117,7 +117,7 @@ def equilibrated_bound(problem: Arguments, field: Field) -> Floats:
     return duality_gap(field.mesh, field.potential, balanced, *laws, flux=coefficients.flux)
 
 
-def scalar_problem(field: Any, estimator: str, at_corners: bool) -> tuple[Floats, Floats]:
+def scalar_problem(field: Any, estimator: str, at_corners: bool) -> FloatsPair:
     """Return the weight and the flux of a scalar problem that a field solves.
 
     The flux ``weight grad u - flux`` is the turned H in the plane and -B in space. A scalar weight stands for the

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, IntsPair
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, checked_choices, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, drive_on
@@ -324,7 +324,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             field.kept["higher"] = found
         return found
 
-    def singular_edges(self, mesh: MeshTet, field: SolidField) -> tuple[Ints, Ints]:
+    def singular_edges(self, mesh: MeshTet, field: SolidField) -> IntsPair:
         """Return the edges along which B is infinite or not smooth, and corners.
 
         Parameters

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.estimators import goal_oriented
 from kohonen_adapt.estimators.hierarchical import Surplus, cubic_functions
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace
@@ -86,7 +86,7 @@ def varies(field: SolidField) -> bool:
     return field.drive.function is not None or bool(field.coefficients.varying_magnets)
 
 
-def flux_and_divergence(field: SolidField) -> tuple[Floats, Floats]:
+def flux_and_divergence(field: SolidField) -> FloatsPair:
     # B, (3, 4, nelements), and its divergence, (4, nelements), at the corners. The applied field has no divergence,
     # so that its interpolation error does not count as a source.
     elements, coefficients = field.elements, field.coefficients
@@ -124,7 +124,7 @@ def surplus_of(problem: ArgumentsInSpace, field: SolidField) -> Surplus:
     return Surplus(elements, np.asarray(problem.conditions_of(field).fixed[elements.on_facets()].all(axis=0)))
 
 
-def cubic_error(problem: ArgumentsInSpace, field: SolidField) -> tuple[Floats, Floats]:
+def cubic_error(problem: ArgumentsInSpace, field: SolidField) -> FloatsPair:
     # The error of a field of order 2 as coefficients of cubic functions, (10, nelements), and its norms, (nelements,).
     # Indicators, outputs and goals have the same.
     if "cubic" not in field.kept:
@@ -142,7 +142,7 @@ def scale_at_edges(problem: ArgumentsInSpace, field: SolidField) -> Floats:
     return np.where(at_edges(field.elements.corners, equal_materials(field, problem.materials)), AT_EDGES, 1.0)
 
 
-def dual_in_space(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> tuple[Floats, Floats]:
+def dual_in_space(problem: ArgumentsInSpace, field: SolidField, goal: Goal) -> FloatsPair:
     """Return the dual of a goal and the load at the columns of gradients.
 
     Both are kept for the functional.

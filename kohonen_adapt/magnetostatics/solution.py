@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial import KDTree
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
 from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, refuse_unconverged
@@ -81,12 +81,12 @@ def tangent_solution(problem: Arguments, field: Field, load: Floats) -> Floats:
     return problem.method.full_step(energy, field.unknown, -load[energy.conditions.free])
 
 
-def at_points(field: Field, derivative: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def at_points(field: Field, derivative: FloatsPair) -> FloatsPair:
     (source, load), at = derivative, field.at_quadrature
     return source, load if load.shape == at.x.shape else load[:, at.element]
 
 
-def dual_of(problem: Arguments, field: Field, derivative: tuple[Floats, Floats]) -> Dual:
+def dual_of(problem: Arguments, field: Field, derivative: FloatsPair) -> Dual:
     source, load = at_points(field, derivative)
     return Dual(tangent_solution(problem, field, field.elements.loads(source, load)), source, load)
 

@@ -5,14 +5,12 @@ element lies, nor that more than two elements share a facet. The number of eleme
 of the rim only. Elements that lie on others are therefore found by the centroids of elements with a facet on the rim.
 """
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Ints, IntsPair, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.mesh.cells import CELLS, cell_of, centroids_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
@@ -76,15 +74,13 @@ def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
     return connected_components_of(int(region.max()) + 1, np.stack([region[e], region[neighbour[e, k]]], axis=1))
 
 
-def write_on_both_sides(
-    of_facet: NDArray[Any], neighbour: Ints, element: Ints, corner: Ints, value: NDArray[Any]
-) -> None:
+def write_on_both_sides(of_facet: Array, neighbour: Ints, element: Ints, corner: Ints, value: Array) -> None:
     of_facet[element, corner] = value
     inside = neighbour[element, corner] >= 0
     of_facet[across(neighbour, element[inside], corner[inside])] = value[inside]
 
 
-def across(neighbour: Ints, element: Ints, corner: Ints) -> tuple[Ints, Ints]:
+def across(neighbour: Ints, element: Ints, corner: Ints) -> IntsPair:
     """Return the elements across facets inside the mesh, and the corners there."""
     there = neighbour[element, corner]
     return there, np.argmax(neighbour[there] == element[:, None], axis=1)
@@ -141,7 +137,7 @@ class BoxTree:
             first = np.arange(0, low.shape[1], BRANCHES)
             self.levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
 
-    def boxes_around(self, x: Floats) -> tuple[Ints, Ints]:
+    def boxes_around(self, x: Floats) -> IntsPair:
         box, point = (pair.ravel() for pair in np.indices((self.levels[-1][0].shape[1], x.shape[1])))
         for depth, (low, high) in enumerate(reversed(self.levels)):
             if depth:

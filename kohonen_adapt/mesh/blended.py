@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyder, polyval
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Function, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Function, Ints
 from kohonen_adapt.mesh.curved import AFTER, Isoparametric
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.measures import area
@@ -63,11 +63,11 @@ class Blended(Isoparametric):
         powers = np.arange(len(self.facet_series))[:, None, None]
         return self.facet_series[:, :, self.number[facet]] * (sign**powers)[:, None]
 
-    def bows(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+    def bows(self, element: Ints, barycentric: Floats) -> FloatsPair:
         start, end = barycentric[self.ends]
         return _polynomial(self.series[..., element], end - start)
 
-    def facet_points(self, facets: Ints, at: Floats) -> tuple[Floats, Floats]:
+    def facet_points(self, facets: Ints, at: Floats) -> FloatsPair:
         """Return positions and tangents at `at` from 0 to 1 along facets, (2, f, n) each.
 
         The direction is from the lower to the higher node, and tangents are the derivatives by `at`.
@@ -113,7 +113,7 @@ def is_folded(mesh: MeshTri) -> bool:
     return bool(np.any(found != found[:, :1]))
 
 
-def _polynomial(series: Floats, t: Floats) -> tuple[Floats, Floats]:
+def _polynomial(series: Floats, t: Floats) -> FloatsPair:
     value, slope = (np.asarray(polyval(t, each, tensor=False), dtype=np.float64) for each in (series, polyder(series)))
     return value, slope
 

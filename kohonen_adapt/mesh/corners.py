@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask, grouped
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
@@ -122,7 +122,7 @@ def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = N
     return np.array(list(least), dtype=np.int64), np.array(list(least.values()))
 
 
-def elements_around(shape: Blended, nodes: Ints) -> dict[int, tuple[Ints, Ints]]:
+def elements_around(shape: Blended, nodes: Ints) -> dict[int, IntsPair]:
     # Return the elements at each node and its numbers in them.
     element, k = np.nonzero(np.isin(shape.t.T, nodes))
     node = shape.t[k, element]

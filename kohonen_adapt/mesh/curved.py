@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 from skfem import Mesh, MeshTri, MeshTri2
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask
 from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of, determinants
 from kohonen_adapt.mesh.host import number_edges, number_facets, of_kind
 
@@ -78,7 +78,7 @@ def nodes_of_elements(mesh: Mesh) -> Ints:
     return np.vstack([mesh.t, mesh.nvertices + (mesh.t2f if len(mesh.t) == 3 else mesh.t2e)]).T
 
 
-def numbered_sides(mesh: Mesh) -> tuple[Ints, Ints]:
+def numbered_sides(mesh: Mesh) -> IntsPair:
     # ends of sides, (2, nsides), and sides of elements in the order of `Cell.edges`
     if len(mesh.t) == 3:
         number_facets(mesh)
@@ -230,7 +230,7 @@ class CurvedElements:
     def determinants(self, element: Ints, barycentric: Floats) -> Floats:
         return self.cell.determinant(self.tangent_corners(element, barycentric))
 
-    def quadrature(self, rows: Ints, rule: tuple[Floats, Floats]) -> tuple[Floats, Ints, Floats]:
+    def quadrature(self, rows: Ints, rule: FloatsPair) -> tuple[Floats, Ints, Floats]:
         # points (d, n) in some elements, their elements and volumes
         barycentric, weight = rule
         element, at = np.tile(rows, weight.size), np.repeat(barycentric.T, rows.size, axis=1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.mesh.cells import cell_of
 
 __all__ = [
@@ -75,7 +75,7 @@ def number_edges(mesh: Mesh) -> None:
         mesh._edges, mesh._t2e = _numbered(mesh, mesh.elem.refdom.edges)
 
 
-def _numbered(mesh: Mesh, corners: ArrayLike) -> tuple[Ints, Ints]:
+def _numbered(mesh: Mesh, corners: ArrayLike) -> IntsPair:
     # nodes of facets or edges, ascending, and their indices by element
     rows = ascending(*mesh.t[np.transpose(corners)])
     key, index = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)

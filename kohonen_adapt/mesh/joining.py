@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from skfem import Mesh, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.checks import is_number, point_text
 from kohonen_adapt.mesh.cells import cell_of, centroids_of, width_of
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
@@ -158,7 +158,7 @@ def nearest(mesh: MeshTri, x: Floats) -> tuple[Floats, Ints]:
     return distance, nodes[at]
 
 
-def same_nodes(one: MeshTri, other: MeshTri, near: float) -> tuple[Ints, Ints]:
+def same_nodes(one: MeshTri, other: MeshTri, near: float) -> IntsPair:
     others = np.unique(boundary_facets(other))
     distance, nodes = nearest(one, other.p[:, others])
     nodes, others = nodes[distance <= near], others[distance <= near]

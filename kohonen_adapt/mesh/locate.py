@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.search import barycentric, count_in_cells, fill_cells, find, walk_each
@@ -158,7 +158,7 @@ def locator_of(mesh: Mesh) -> Locator:
     return Locator(kind.of(mesh))
 
 
-def located(mesh: Mesh, x: ArrayLike) -> tuple[NDArray[np.int32], Floats, Ints]:
+def located(mesh: Mesh, x: ArrayLike) -> tuple[Int32s, Floats, Ints]:
     # elements of points, -1 outside, barycentric coordinates (d + 1, n) and nodes of the elements (d + 1, n)
     locator, points = locator_of(mesh), as_rows(x, dim=len(mesh.p))
     found = locator.find(points)
@@ -170,7 +170,7 @@ def located(mesh: Mesh, x: ArrayLike) -> tuple[NDArray[np.int32], Floats, Ints]:
     return element.astype(np.int32), barycentric, shape.t[:, element]
 
 
-def find_elements(mesh: Mesh, x: ArrayLike) -> NDArray[np.int32]:
+def find_elements(mesh: Mesh, x: ArrayLike) -> Int32s:
     """Return the element that contains each point.
 
     Parameters

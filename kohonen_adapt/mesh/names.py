@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from skfem import Mesh, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int8s, Ints, Mask
 from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.mesh.host import facets_opposite, is_own_name, number_facets
 
@@ -39,7 +39,7 @@ __all__ = [
 ]
 
 UNORIENTED, LEFT, RIGHT = 1, 2, 3  # orientation of a name on a facet or curve segment: none, or its left or right side
-Manners = NDArray[np.int8]
+Manners = Int8s
 Names = str | Sequence[str]  # of subdomains
 
 SAME = 1e-9  # maximum distance of a node from a named point, relative to the size of the mesh

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.checks import as_reals
 
 __all__ = [
@@ -112,7 +112,7 @@ def checked_tensors(tensors: Floats, name: str, owner: Callable[[int], str] = "o
     return symmetric
 
 
-def density_and_shape(tensors: Floats) -> tuple[Floats, Floats]:
+def density_and_shape(tensors: Floats) -> FloatsPair:
     """Return the densities (m,) and the shapes (m, 3) or (m, 6) of tensors (m, d, d)."""
     determinant = determinants(tensors)
     return np.sqrt(determinant), packed(tensors / determinant[:, None, None] ** (1.0 / tensors.shape[-1]))

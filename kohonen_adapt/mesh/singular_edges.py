@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.mesh.cells import centroids_of, crossed, normals
 from kohonen_adapt.mesh.corners import Joints, Materials, are_smooth, interfaces_of, joints_of, meetings
 from kohonen_adapt.mesh.curved import corners_of, offsets_of_sides
@@ -37,7 +37,7 @@ class Surface(NamedTuple):
     direction: Floats  # (3, 3, f): unit vectors across the edges, from their middles into the facets
 
 
-def singular_edges(mesh: MeshTet, materials: Materials) -> tuple[Ints, Ints]:
+def singular_edges(mesh: MeshTet, materials: Materials) -> IntsPair:
     # Return the edges, (2, k), and the corners, (n,). As in the plane edges count with an exponent below 2 other than
     # 1, or with a flux that makes the gradient infinite, and with them the whole line.
     surface, joints = surface_of(mesh, materials)

@@ -1,13 +1,12 @@
 """Cuts of tetrahedral meshes by a plane, with the values on the cut."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, width_of
 from kohonen_adapt.mesh.host import keys_of, number_facets
 from kohonen_adapt.mesh.names import named_sets
@@ -61,10 +60,10 @@ class Flat:
     ends: Ints | None = None
     share: Floats | None = None
 
-    def of_elements(self, values: NDArray[Any]) -> NDArray[Any]:
+    def of_elements(self, values: Array) -> Array:
         return values if self.element is None else values[..., self.element]
 
-    def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
+    def of_nodes(self, values: Array) -> Array:
         if self.ends is None or self.share is None:
             return values
         one, other = values[self.ends]

@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarForm
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.loop.figures import are_in_percent, estimate_word, word_for_estimate
@@ -121,7 +121,7 @@ def _number_axes(axes: Axes) -> None:
             axis.set_minor_formatter(NullFormatter())
 
 
-def _points(history: Sequence[Pass], percent: bool) -> tuple[Floats, Floats]:
+def _points(history: Sequence[Pass], percent: bool) -> FloatsPair:
     nodes = np.array([step.mesh.nvertices for step in history], float)
     errors = np.array([step.shown_estimate for step in history]) / _norms(history, percent)
     return nodes, np.where(errors > 0.0, errors, np.nan)

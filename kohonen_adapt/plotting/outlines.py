@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Texts
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Texts
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curve
@@ -178,7 +178,7 @@ def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int
     return {c: ", ".join(texts) for c, texts in found.items()}
 
 
-def _beside(line: Floats, towards: Floats) -> tuple[Floats, Floats]:
+def _beside(line: Floats, towards: Floats) -> FloatsPair:
     steps = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(line, axis=0) ** 2, axis=1))))
     at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
     k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)

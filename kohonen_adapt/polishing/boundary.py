@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction, local_coefficients
 from kohonen_adapt.mesh.measures import magnitude
@@ -64,9 +64,7 @@ class BoundaryTerms:
             total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offset)
         return total
 
-    def terms(
-        self, chain: Ints, corners: Floats, offset: Floats | None
-    ) -> Iterator[tuple[tuple[Ints, Ints], Floats, Floats]]:
+    def terms(self, chain: Ints, corners: Floats, offset: Floats | None) -> Iterator[tuple[IntsPair, Floats, Floats]]:
         """Return the terms of every condition by `terms_of_sides`, for `value`."""
         for name, chains in self.chains.items():
             data = self.ritz.order, self.ritz.robin[name], self.ritz.axisymmetric, offset
@@ -117,7 +115,7 @@ class BoundaryTerms:
             np.add.at(right, at[at >= 0], slope[at >= 0])
         return total, right
 
-    def _of_elements(self, near: "RobinElements") -> tuple[Floats, Floats]:
+    def _of_elements(self, near: "RobinElements") -> FloatsPair:
         functions = functions_on(near.corners, near.number, self.ritz, near.offset)
         loads = loads_on(functions, near.number, self.ritz)
         energy = energy_on(functions, near.number, self.ritz, np.add(*loads))
@@ -155,6 +153,6 @@ class RobinElements:
             trial.modes.side[self.rows[e], i % 3, i // 3 - 1] += more
 
 
-def sides_on(chain: Ints, chains: Mask) -> tuple[Ints, Ints]:
+def sides_on(chain: Ints, chains: Mask) -> IntsPair:
     e, k = np.nonzero(on_chains(chain, chains))
     return e, k

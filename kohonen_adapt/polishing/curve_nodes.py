@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import HALVINGS
@@ -100,7 +100,7 @@ class Stars(NamedTuple):
         chains, chain = self.movable.constraints.chains, self.movable.constraints.own_chain[self.node]
         return self.movable.outline.points_on(chain, wrapped(parameter, chains.length[chain], chains.closed[chain]))
 
-    def sides(self, x: Floats) -> tuple[Floats, Floats]:
+    def sides(self, x: Floats) -> FloatsPair:
         position = self.movable.triangulation.position
         return position[self.ahead] - x[self.owner], position[self.behind] - x[self.owner]
 

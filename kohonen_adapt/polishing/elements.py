@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints, padded
+from kohonen_adapt.arrays import Floats, FloatsPair, Int32s, Ints, padded
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import Modes
@@ -102,7 +102,7 @@ def with_source(
     return np.concatenate([constants.T, centre, axes, np.linalg.pinv(terms) @ sampled]).T.copy()
 
 
-def polynomial(points: Floats, values: Floats) -> tuple[Floats, Floats]:
+def polynomial(points: Floats, values: Floats) -> FloatsPair:
     # `values` (6, m) belong to the corners `points` (2, 3, m), then to the midpoints after each corner. Returned are
     # the value (m,) and the derivatives by x, y, xx, xy and yy (5, m).
     corner, middle = values[:3], values[3:]
@@ -132,7 +132,7 @@ def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
     return sign
 
 
-def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def nodes_of_chains(triangulation: Triangulation) -> tuple[Int32s, Int32s]:
     elements = triangulation.elements
     e, k = np.nonzero(elements.chain >= 0)
     node = np.concatenate([elements.node[e, (k + 1) % 3], elements.node[e, (k + 2) % 3]])
@@ -140,8 +140,8 @@ def nodes_of_chains(triangulation: Triangulation) -> tuple[NDArray[np.int32], ND
 
 
 def line_of_chains(
-    triangulation: Triangulation, outline: Outline, chain: NDArray[np.int32], node: NDArray[np.int32], values: Floats
-) -> tuple[Floats, Floats]:
+    triangulation: Triangulation, outline: Outline, chain: Int32s, node: Int32s, values: Floats
+) -> FloatsPair:
     """Return linear functions (c, 2) on curve segments and deviations (c,) of values.
 
     A linear function is stored as the value at the start and the rate along the segment. The rate is 0 on curves.

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Int32s, Int64s
 from kohonen_adapt.kernels.functionals import STEPS
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import EnergyLaw, flux_table
@@ -93,7 +93,7 @@ class VariesInside(ValueError):
     pass
 
 
-def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int64]:
+def numbers_of_regions(ritz: Ritz, region: Int32s) -> Int64s:
     first = first_of_regions(region)
     number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
@@ -107,18 +107,18 @@ def numbers_of_regions(ritz: Ritz, region: NDArray[np.int32]) -> NDArray[np.int6
     return number[first]
 
 
-def first_of_regions(region: NDArray[np.int32]) -> NDArray[np.intp]:
+def first_of_regions(region: Int32s) -> NDArray[np.intp]:
     return np.unique(region, return_index=True)[1]
 
 
-def constants_of(ritz: Ritz, number: NDArray[np.int64], dim: int = 2) -> Floats:
+def constants_of(ritz: Ritz, number: Int64s, dim: int = 2) -> Floats:
     flux = np.zeros(dim) if callable(ritz.flux) else flux_table(np.asarray(ritz.flux), dim)
     tables = (ritz.coefficient, 0.0 if callable(ritz.source) else ritz.source, *flux)
     rows = [np.broadcast_to(table, max(1, np.size(table)))[number * (np.ndim(table) > 0)] for table in tables]
     return np.stack(rows, axis=1)
 
 
-def laws_of_regions(ritz: Ritz, number: NDArray[np.int64], largest: float) -> tuple[NDArray[np.int32], Tables]:
+def laws_of_regions(ritz: Ritz, number: Int64s, largest: float) -> tuple[Int32s, Tables]:
     """Return the table index of every region, -1 without law, and the tables."""
     distinct: list[EnergyLaw] = []
     law = np.full(len(number), -1, dtype=np.int32)

@@ -3,10 +3,9 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Int8s, Int32s, Int64s, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
@@ -96,7 +95,7 @@ class Functional:
 
     solution: TrialFunction
     ritz: Ritz
-    number: NDArray[np.int64]
+    number: Int64s
     constants: Floats
     dirichlet: Mask
     linear: Mask
@@ -105,7 +104,7 @@ class Functional:
     held: Mask
     on_chain: Floats
     comparable: bool
-    law: NDArray[np.int32]
+    law: Int32s
     tables: Tables
     chords: Chords
     dual: "Functional | None" = None
@@ -253,7 +252,7 @@ class Functional:
             return expanded(constants, corners, self.number[region], self.ritz.flux)
         return constants
 
-    def kinds(self, outline: Outline, fixed: Mask) -> NDArray[np.int8]:
+    def kinds(self, outline: Outline, fixed: Mask) -> Int8s:
         """Return the kind of every node, (n,), held if its Dirichlet value cannot follow."""
         kind, chain = outline.constraints.kind, outline.constraints.own_chain
         sliding = kind == SLIDING

@@ -6,9 +6,8 @@ Functions that are affine on every element have loops in closed form, which are 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Ints, Mask
+from kohonen_adapt.arrays import Int32s, Ints, Mask
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.triangle.arrays import WITH, WITHOUT, Descents, Offers, OpenMesh, Shapes, Trials
 from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
@@ -63,10 +62,10 @@ class Loops:
             self.scratches[thread] = self.descents(self.function)
         return self.scratches[thread]
 
-    def descend_nodes(self, thread: int, nodes: NDArray[np.int32]) -> float:
+    def descend_nodes(self, thread: int, nodes: Int32s) -> float:
         return descend.descend_nodes(self.scratch(thread), self.higher, nodes, self.floor)
 
-    def descend_patch(self, function: Function, nodes: NDArray[np.int32]) -> float:
+    def descend_patch(self, function: Function, nodes: Int32s) -> float:
         return descend.descend_nodes(self.descents(function), self.higher, nodes, self.floor)
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:

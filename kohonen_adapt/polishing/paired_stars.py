@@ -8,9 +8,8 @@ node slides along its curve segment, and its partner moves with the node.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted
+from kohonen_adapt.arrays import Floats, Int8s, Ints, IntsPair, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
@@ -36,7 +35,7 @@ __all__ = ["Freedom", "descend_pairs", "independent", "set_partners"]
 
 
 class Freedom(NamedTuple):
-    kind: NDArray[np.int8]  # (n,)
+    kind: Int8s  # (n,)
     fixed: Mask  # (n,)
     sign: Floats  # (c,): `Functional.sign`
 
@@ -154,7 +153,7 @@ class Gathered(NamedTuple):
         back = np.einsum("rkj,rji->rki", position - shift[:, None], turn)
         return np.where(self.at_partner[:, None, None], back, position)
 
-    def end_corners(self, movable: MovableMesh, couples: Couples) -> tuple[tuple[Ints, Ints], tuple[Ints, Ints]]:
+    def end_corners(self, movable: MovableMesh, couples: Couples) -> tuple[IntsPair, IntsPair]:
         # Corners are rows and columns (2 k,). The first corner here is the last at the partner, except for pairs that
         # fold the mesh (Kelvin discs).
         node, star = self.nodes(movable), (2 * self.owner + self.at_partner) * movable.nnodes
@@ -174,7 +173,7 @@ class Gathered(NamedTuple):
         here = np.concatenate([first, last]), np.repeat([1, 2], len(first))
         return here, (np.concatenate(at_partner), np.concatenate([to_first, to_last]))
 
-    def numbers(self, movable: MovableMesh, couples: Couples) -> tuple[Ints, Ints]:
+    def numbers(self, movable: MovableMesh, couples: Couples) -> IntsPair:
         """Return the patch node of every corner, (r, 3), and a corner 3 r + k of each.
 
         The first patch nodes are those of the pairs.

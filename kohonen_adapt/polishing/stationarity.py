@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import Mesh, MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
 from kohonen_adapt.mesh.elements.polynomials import hierarchical_loads, unknowns_of_elements
@@ -79,7 +79,7 @@ def doubts_of(ritz: Ritz, mesh: Mesh, index: Ints, count: int) -> Doubt:
     return found._replace(residual=np.bincount(index.ravel(), doubt, count).astype(np.float64))
 
 
-def sums(parts: Derivatives, index: Ints, count: int) -> tuple[Floats, Floats]:
+def sums(parts: Derivatives, index: Ints, count: int) -> FloatsPair:
     total, size = (np.bincount(index.ravel(), part.ravel(), count).astype(np.float64) for part in parts)
     return total, size
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import Modes
@@ -120,7 +120,7 @@ def transferred_modes(
     return modes
 
 
-def places_inside(movable: MovableMesh, order: int) -> tuple[Floats, Floats]:
+def places_inside(movable: MovableMesh, order: int) -> FloatsPair:
     """Return the nodes of sides, (m, 3, order - 1, 2), and centroids (m, 2).
 
     The nodes of a side are ordered counter-clockwise.

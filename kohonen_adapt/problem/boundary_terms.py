@@ -4,10 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTet, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import DataFunction, Floats, FloatsPair, Int64s, Ints, IntsPair, Mask
 from kohonen_adapt.checks import finite_values, is_number
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, NO_SURFACE, OFFSET
 from kohonen_adapt.mesh.elements.functions import on_axis, trace_columns, traces_at
@@ -30,8 +29,8 @@ __all__ = [
     "terms_of_sides",
 ]
 
-Load = float | Callable[[Floats], ArrayLike]
-AppliedField = Callable[[Floats], ArrayLike]
+Load = float | DataFunction
+AppliedField = DataFunction
 Robin = Mapping[str, tuple[float, Load]]
 
 FACET_DEGREE = 4  # of the quadrature rule of an applied field on facets, at order 1
@@ -53,7 +52,7 @@ def checked_conditions(given: Robin) -> dict[str, tuple[float, Load]]:
     return {name: (float(coefficient), load) for name, (coefficient, load) in given.items()}
 
 
-def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
+def sides_of_boundary(mesh: MeshTri, name: str) -> IntsPair:
     """Return elements (f,) and opposite corners (f,) of the facets of a boundary."""
     facets = outer_facets_of(mesh, name, f"boundary {name!r} in robin of Ritz")
     element = mesh.f2t[0, facets]
@@ -63,12 +62,12 @@ def sides_of_boundary(mesh: MeshTri, name: str) -> tuple[Ints, Ints]:
 
 def terms_of_sides(
     corners: Floats,
-    sides: tuple[Ints, Ints],
+    sides: IntsPair,
     order: int,
     terms: tuple[float, Load],
     axisymmetric: bool,
     offset: Floats | None,
-) -> tuple[tuple[Ints, Ints], Floats, Floats]:
+) -> tuple[IntsPair, Floats, Floats]:
     """Return A (f, k, k) and b (f, k) of the terms ``c . A c / 2 - b . c`` of sides.
 
     Before them are returned the places (f, k) of the coefficients c, which are indices of coefficients (k, m).
@@ -80,7 +79,7 @@ def terms_of_sides(
     bow = np.zeros_like(start) if offset is None else 4.0 * offset[:, k, element][..., None]
     at_axis = on_axis(np.hstack((start[0], end[0]))) & axisymmetric
 
-    def points(fraction: Floats) -> tuple[Floats, Floats]:
+    def points(fraction: Floats) -> FloatsPair:
         # with the factor s, which is 0 on the axis
         factor = 1.0 - at_axis[:, :1] * (1.0 - fraction) - at_axis[:, 1:] * fraction
         return start + fraction * (end - start) + fraction * (1.0 - fraction) * bow, factor
@@ -103,7 +102,7 @@ def terms_of_sides(
 def robin_value(
     corners: Floats,
     coefficients: Floats,
-    sides: tuple[Ints, Ints],
+    sides: IntsPair,
     terms: tuple[float, Load],
     axisymmetric: bool,
     offset: Floats | None,
@@ -137,12 +136,12 @@ class SurfaceTerms:
     """
 
     nodal: Floats
-    reduced: NDArray[np.bool_]
+    reduced: Mask
     on_mesh: Callable[[MeshTet], Floats]
     applied: AppliedField | None = None
 
 
-def checked_surface(given: SurfaceTerms | None, unknowns: int, region: NDArray[np.int64] | None) -> None:
+def checked_surface(given: SurfaceTerms | None, unknowns: int, region: Int64s | None) -> None:
     if given is None:
         return
     found = f"nodal of shape {np.shape(given.nodal)}" if isinstance(given, SurfaceTerms) else repr(given)

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
 EPSILON, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
@@ -42,7 +42,7 @@ class Densities:
             secant[rows] = law.field_strength(b[rows]) / np.maximum(size[rows], TINY)
         return secant
 
-    def secants(self, size: Floats) -> tuple[Floats, Floats]:
+    def secants(self, size: Floats) -> FloatsPair:
         """Return the coefficients across and along the vector, ``H / s`` and ``dH/ds``."""
         b, secant = size / self.x, self.coefficient.copy()
         differential = secant.copy()

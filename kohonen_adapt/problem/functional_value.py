@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from skfem import ElementTetP1, Mesh, MeshTet, MeshTri
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
@@ -153,7 +153,7 @@ def densities_of(ritz: Ritz, number: Ints, weights: Floats | float = 1.0, x: Flo
     return Densities(weights, constants_at(ritz.coefficient, number), laws, x)
 
 
-def integrand(slope: Floats, number: Ints, ritz: Ritz) -> tuple[Floats, Floats]:
+def integrand(slope: Floats, number: Ints, ritz: Ritz) -> FloatsPair:
     """Return the integrand without the source, and its derivatives.
 
     Gradients `slope` and the derivatives by gradients have shape (3, n).
@@ -164,9 +164,7 @@ def integrand(slope: Floats, number: Ints, ritz: Ritz) -> tuple[Floats, Floats]:
     return densities.density(size) - np.sum(flux * slope, axis=0), densities.secant(size) * own - flux
 
 
-def loads_on(
-    functions: ElementFunctions, number: Ints, ritz: Ritz, coefficients: Floats | None = None
-) -> tuple[Floats, Floats]:
+def loads_on(functions: ElementFunctions, number: Ints, ritz: Ritz, coefficients: Floats | None = None) -> FloatsPair:
     """Return the integrals of source and flux against the functions, (k, m).
 
     A flux that is a function has its mean over three points of an element. A source that is a function is integrated in
@@ -206,7 +204,7 @@ def mean_loads(
     # less than the rule misses in a layer.
     dim = len(corners)
 
-    def sampled(rule: Rule, rows: Ints | slice) -> tuple[Floats, Floats]:
+    def sampled(rule: Rule, rows: Ints | slice) -> FloatsPair:
         return hierarchical(rule[0], order)[0] * rule[1], source_at(rule[0] @ corners[:, :, rows], number[rows], source)
 
     functions, values = sampled(source_rule(order, dim), slice(None))

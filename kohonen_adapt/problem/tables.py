@@ -5,10 +5,10 @@ from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from skfem import Mesh, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int64s, Ints, Mask
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, kinds_at_axis
 
@@ -52,7 +52,7 @@ def checked_floats(name: str, given: ArrayLike) -> Floats:
     return array
 
 
-def checked_regions(given: ArrayLike) -> NDArray[np.int64]:
+def checked_regions(given: ArrayLike) -> Int64s:
     number = np.array(given)
     if number.ndim != 1 or number.dtype.kind not in "iu":
         raise ValueError(
@@ -63,7 +63,7 @@ def checked_regions(given: ArrayLike) -> NDArray[np.int64]:
     return number.astype(np.int64)
 
 
-def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: NDArray[np.int64] | None) -> Floats:
+def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], region: Int64s | None) -> Floats:
     """Return `given` with `shape`, or with (*shape, regions) if `region` is given."""
     table = checked_floats(name, given)
     if table.shape == shape:
@@ -88,7 +88,7 @@ def checked_constants(name: str, given: ArrayLike, shape: tuple[int, ...], regio
     return table
 
 
-def checked_flux(given: ArrayLike, region: NDArray[np.int64] | None, name: str = "flux") -> Floats:
+def checked_flux(given: ArrayLike, region: Int64s | None, name: str = "flux") -> Floats:
     table = checked_floats(name, given)
     if table.ndim == 0 and table == 0.0:
         return table
@@ -105,7 +105,7 @@ def flux_table(flux: Floats, dim: int) -> Floats:
     return flux if flux.ndim else np.zeros(dim)
 
 
-def checked_laws(given: Sequence[EnergyLaw | None], region: NDArray[np.int64] | None) -> tuple[EnergyLaw | None, ...]:
+def checked_laws(given: Sequence[EnergyLaw | None], region: Int64s | None) -> tuple[EnergyLaw | None, ...]:
     if not isinstance(given, list | tuple):
         raise ValueError(f"laws of Ritz must be a sequence with None or a law per region number; got {given!r}.")
     needed = 1 if region is None else int(region.max(initial=-1)) + 1

@@ -1,12 +1,10 @@
 """Densities of nodes from error indicators or element sizes, and at any point."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import DataFunction, Floats, FloatsPair
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.measures import area
@@ -179,7 +177,7 @@ def without_zeros(values: Floats, largest: float) -> Floats:
         return np.where(values == 0.0, ZERO, np.clip(values / largest, 1.0 / UTMOST, UTMOST))
 
 
-def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats:
+def values_at(function: DataFunction, points: Floats) -> Floats:
     values = np.asarray(function(points.T.copy()))
     if values.shape != (len(points),):
         raise ValueError(f"a callable density must return shape (n,) = ({len(points)},); got {values.shape}.")
@@ -191,9 +189,7 @@ def values_at(function: Callable[[Floats], ArrayLike], points: Floats) -> Floats
     return values
 
 
-def parts_of(
-    density: ArrayLike | Callable[[Floats], ArrayLike], centroids: Floats
-) -> tuple[ArrayLike | Callable[[Floats], ArrayLike], Floats | None]:
+def parts_of(density: ArrayLike | DataFunction, centroids: Floats) -> tuple[ArrayLike | DataFunction, Floats | None]:
     # a density, and the shapes of the elements with `centroids` (m, d) if these are not all round
     count, dim = centroids.shape
     if not callable(density):
@@ -204,7 +200,7 @@ def parts_of(
     if np.ndim(density(centroids[:1].T.copy())) != 3:
         return density, None
 
-    def split(x: Floats) -> tuple[Floats, Floats]:
+    def split(x: Floats) -> FloatsPair:
         return density_and_shape(tensors_at_points(density(x), x.T, "density"))
 
     shapes = split(centroids.T.copy())[1]

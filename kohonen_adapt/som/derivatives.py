@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.mesh.measures import hat_gradients
 
 __all__ = ["highest_derivatives"]
@@ -88,7 +88,7 @@ def neighbours_of_sites(sites: Sites) -> csr_array:
     return csr_array((np.ones(row.size, dtype=np.float32), (row, column)), shape=(count, count))
 
 
-def batches(patch: csr_array, unknowns: int) -> Iterator[tuple[Ints, Ints]]:
+def batches(patch: csr_array, unknowns: int) -> Iterator[IntsPair]:
     # Rows with equal numbers of members, at least `unknowns`, and these members (rows, number).
     size = np.diff(patch.indptr)
     for number in np.unique(size[size >= unknowns]):

@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Int32s
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
@@ -28,7 +28,7 @@ from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["KohonenMap"]
 
-Finder = Callable[[Floats], tuple[NDArray[np.int32], NDArray[np.int32]]]
+Finder = Callable[[Floats], tuple[Int32s, Int32s]]
 
 
 class KohonenMap:
@@ -196,7 +196,7 @@ class KohonenMap:
         else:
             has_curves, locator = movable.curved, Locator(movable.triangulation)
 
-        def find(rows: Floats) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        def find(rows: Floats) -> tuple[Int32s, Int32s]:
             element = find_elements(self.mesh, rows.T) if has_curves else locator.find(rows)
             return element, region[element]
 

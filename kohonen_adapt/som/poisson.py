@@ -5,13 +5,11 @@ The equation is solved directly or, if clusters are many, by conjugate gradients
 depend on the number of threads, and so would meshes.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, Function
 
 __all__ = ["potential"]
 
@@ -36,7 +34,7 @@ def potential(links: csr_array, inflow: Floats) -> Floats:
     return directly(matrix)(inflow) if height is None else height
 
 
-def directly(matrix: csr_array) -> Callable[[Floats], Floats]:
+def directly(matrix: csr_array) -> Function:
     columns, options = csc_array(matrix), {"SymmetricMode": True}
     return splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve
 
@@ -59,7 +57,7 @@ def by_conjugate_gradients(matrix: csr_array, inflow: Floats) -> Floats | None:
     return None
 
 
-def two_levels(matrix: csr_array) -> Callable[[Floats], Floats]:
+def two_levels(matrix: csr_array) -> Function:
     """Return a function that approximates the inverse of a matrix.
 
     The function makes a step of Jacobi's method, solves the equation of groups of clusters, and makes a second step.

@@ -1,7 +1,6 @@
 """Relocation of triangles and tetrahedra by recycling, the map and smoothing."""
 
 import logging
-from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any
 
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import DataFunction, Floats, Ints
 from kohonen_adapt.geometry.movable import Movable, Recycled, unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
@@ -57,7 +56,7 @@ def loops_in_plane(topology: str) -> tuple[str, ...]:
 
 def move(
     movable: MovableMesh,
-    density: ArrayLike | Callable[[Floats], ArrayLike],
+    density: ArrayLike | DataFunction,
     schedule: Schedule | None,
     topology: str,
     rng: np.random.Generator,
@@ -96,9 +95,7 @@ def move(
     return Moved(before, recycled, errors, why_still(movable, schedule), trainer.refused)
 
 
-def split_edges(
-    movable: MovableMesh | MovableSolid, density: ArrayLike | Callable[[Floats], ArrayLike], nodes: int
-) -> Moved[Any]:
+def split_edges(movable: MovableMesh | MovableSolid, density: ArrayLike | DataFunction, nodes: int) -> Moved[Any]:
     before = movable.copy()
     recycled = unchanged(before.tessellation)
     if nodes > movable.nnodes:
@@ -156,7 +153,7 @@ def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
 
 def move_in_space(
     movable: MovableSolid,
-    density: ArrayLike | Callable[[Floats], ArrayLike],
+    density: ArrayLike | DataFunction,
     schedule: Schedule | None,
     topology: str,
     rng: np.random.Generator,

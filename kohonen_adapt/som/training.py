@@ -14,7 +14,7 @@ from math import ceil
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import swap_elements
@@ -218,9 +218,7 @@ class Trainer:
             raise ValueError(f"the schedule has {what}, which are for triangles only; got tetrahedra. Use wider radii.")
         return self.movable
 
-    def _by_parts(
-        self, winners: Ints, radius: int, parts: int, interior: Mask, rng: np.random.Generator
-    ) -> tuple[Ints, Ints]:
+    def _by_parts(self, winners: Ints, radius: int, parts: int, interior: Mask, rng: np.random.Generator) -> IntsPair:
         n = len(interior)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
         cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)

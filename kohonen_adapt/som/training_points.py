@@ -1,16 +1,15 @@
 """Densities of nodes, and training points drawn from them."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from math import factorial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats, Ints, ranks
+from kohonen_adapt.arrays import DataFunction, Floats, FloatsPair, Int32s, Ints, ranks
 from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, barycentric_coordinates, walk_to_elements
@@ -37,8 +36,8 @@ class Draw(NamedTuple):
     """
 
     points: Floats
-    element: NDArray[np.int32]
-    region: NDArray[np.int32]
+    element: Int32s
+    region: Int32s
     weights: Floats
     shape: Floats | None = None
 
@@ -114,7 +113,7 @@ class Density:
         shape = None if self.shape is None else self.shape[element]
         return Draw(points, element, self.elements.region[element], np.ones(number), shape)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.int32]]:
+    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
         raise NotImplementedError
 
 
@@ -155,7 +154,7 @@ class ElementDensity(Density):
         )
         return np.log(mass / size)[of_corner].reshape(node.shape)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.int32]]:
+    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
         dim = self.method.cell.dim
         points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
         arrays = self.position, self.elements.node, self._order, self._cumulated, rng.random((number, dim + 1))
@@ -164,7 +163,7 @@ class ElementDensity(Density):
 
 
 class FunctionDensity(Density):
-    def __init__(self, mesh: Tessellation[Any, Any], function: Callable[[Floats], ArrayLike]) -> None:
+    def __init__(self, mesh: Tessellation[Any, Any], function: DataFunction) -> None:
         super().__init__(mesh)
         self.function = function
         if self.method.cell.dim == 2:
@@ -186,14 +185,14 @@ class FunctionDensity(Density):
         most = AT_ONCE // self.points_per_element
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
-    def _candidates(self, stretch: Ints, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    def _candidates(self, stretch: Ints, rng: np.random.Generator) -> FloatsPair:
         points = self._points_in(np.repeat(stretch, self.points_per_element), rng)
         return points, values_at(self.function, points)
 
     def at(self, points: Floats) -> Floats:
         return without_zeros(values_at(self.function, points), self.largest)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.int32]]:
+    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
         """Draw about `number` of many candidates with probability according to density.
 
         The points are stratified along the order of the elements; every interval has as many as its mass requires.
@@ -215,7 +214,7 @@ class FunctionDensity(Density):
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
         return points[chosen], stretch[chosen // self.points_per_element]
 
-    def _points_in(self, element: NDArray[np.int32], rng: np.random.Generator) -> Floats:
+    def _points_in(self, element: Int32s, rng: np.random.Generator) -> Floats:
         corners = [self.position[self.elements.node[element, k]] for k in range(self.method.cell.dim + 1)]
         points = corners[0]
         for barycentric, corner in zip(self.method.barycentric(len(element), rng), corners[1:], strict=True):
@@ -223,9 +222,7 @@ class FunctionDensity(Density):
         return points
 
 
-def density_of(
-    mesh: Tessellation[Any, Any], density: ArrayLike | Callable[[Floats], ArrayLike], row: Ints | None = None
-) -> Density:
+def density_of(mesh: Tessellation[Any, Any], density: ArrayLike | DataFunction, row: Ints | None = None) -> Density:
     # `row` is the previous index of every element of a mesh that was renumbered
     values, shape = parts_of(density, mesh.centroids()[slice(None) if row is None else ranks(row, len(row))])
     if callable(values):

@@ -18,11 +18,10 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted
+from kohonen_adapt.arrays import Floats, Int32s, Ints, IntsPair, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
@@ -88,7 +87,7 @@ class Transport:
         return constraints._replace(chains=constraints.chains._replace(flags=flags))
 
     @cached_property
-    def pairs(self) -> tuple[Ints, Ints]:
+    def pairs(self) -> IntsPair:
         """Paired nodes on straight segments, which move together, (k,) each.
 
         Paired nodes on arcs do not move.
@@ -266,8 +265,8 @@ class Step(NamedTuple):
     target: Floats
     parameter: Floats
     spoiled: Mask
-    ring: NDArray[np.int32]
-    queue: NDArray[np.int32]
+    ring: Int32s
+    queue: Int32s
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints) -> "Step":

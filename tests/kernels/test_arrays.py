@@ -12,7 +12,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels import arrays as shared
 from kohonen_adapt.kernels.triangle import arrays
 
-ROW = re.compile(r"^    (\w+): np\.ndarray  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
+ROW = re.compile(r"^    (\w+): Array  # \(([^)]+)\)(?: (int8|int32|int64|bool)\b)?", re.MULTILINE)
 NO_ARRAYS = {
     "Constraints": {"chains", "periodic", "metric"},
     "Descent": {"elements", "star", "constraints", "trial", "modes", "reference", "points", "shapes", "block"},

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, IntsPair
 from kohonen_adapt.geometry.circles import sphere_through
 from kohonen_adapt.geometry.plane.chains import circles_of, on_chains
 from kohonen_adapt.geometry.plane.cutting import CLOSE, FEWEST, Points, as_complex, as_rows, turning_angles
@@ -62,12 +62,12 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
     return pair if inside.any() and not any(inverted) else None
 
 
-def midpoints_of_facets(mesh: MeshTri) -> tuple[Ints, Ints]:
+def midpoints_of_facets(mesh: MeshTri) -> IntsPair:
     facet = np.arange(mesh.facets.shape[1])
     return mesh.nvertices + facet, facet  # scikit-fem numbers the new nodes of a refined mesh so
 
 
-def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> tuple[Ints, Ints]:
+def halves_of_facets(mesh: MeshTri, finer: MeshTri) -> IntsPair:
     half = np.flatnonzero(finer.facets[0] < mesh.nvertices)
     return finer.nvertices + half, finer.facets[1, half] - mesh.nvertices
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy  # loads `scipy.interpolate` at its first use
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
 from kohonen_adapt.geometry.plane.cutting import Circle, Points, angles, as_complex, as_rows
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
@@ -95,7 +95,7 @@ def chains_of(
     return table._replace(row=row, knot=np.concatenate([table.knot, *knots]))
 
 
-def facet_lengths(z: Points, node: Ints, segments: Segments) -> tuple[Floats, Floats]:
+def facet_lengths(z: Points, node: Ints, segments: Segments) -> FloatsPair:
     """Return the longest facet and the equivalent facet length of every segment.
 
     A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
@@ -212,7 +212,7 @@ def knots_through(nodes: Floats, offset: Floats, closed: bool) -> Floats:
     )
 
 
-def bump(fraction: Floats) -> tuple[Floats, Floats]:
+def bump(fraction: Floats) -> FloatsPair:
     """Return b(s) = 16 s^2 (1 - s)^2 and its derivative, s from 0 to 1."""
     rest = 1.0 - fraction
     return 16.0 * (fraction * rest) ** 2, 32.0 * fraction * rest * (rest - fraction)
@@ -281,7 +281,7 @@ def circles_of(chains: Chains) -> Circle:
         return Circle(centre, 1.0 / np.abs(chains.curvature))
 
 
-def spans_of(position: Floats, constraints: Constraints, chain: Ints, ends: Sequence[Ints]) -> tuple[Floats, Floats]:
+def spans_of(position: Floats, constraints: Constraints, chain: Ints, ends: Sequence[Ints]) -> FloatsPair:
     """Return the parameters of first nodes, and the signed distances to second ones.
 
     `ends` are nodes (k,) at both ends of parts of curve segments.

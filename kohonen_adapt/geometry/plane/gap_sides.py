@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import coo_array, csr_array, triu
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted, unique_pairs
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask, counted, unique_pairs
 from kohonen_adapt.geometry.plane.chains import spans_of
 from kohonen_adapt.geometry.plane.cutting import Points, as_complex
 from kohonen_adapt.kernels.triangle.arrays import Constraints, Elements
@@ -75,7 +75,7 @@ FAR = 3.0  # maximum distance of opposite segments, relative to the median
 UNSURE = 0.5  # largest weight of contradicting segments, relative to the sides
 
 
-def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[tuple[Ints, Ints]]:
+def facing_sides(triangulation: Triangulation, constraints: Constraints, inside: Mask) -> Iterator[IntsPair]:
     elements = triangulation.elements
     own = np.append(inside[elements.region], False)
     e, k = np.nonzero(own[:-1, None] & ~own[elements.neighbour])

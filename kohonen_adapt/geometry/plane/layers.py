@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.geometry.plane.gap_sides import facing_sides
 from kohonen_adapt.geometry.rules import checked_layers
 from kohonen_adapt.kernels.triangle.arrays import Constraints, Elements
@@ -26,7 +26,7 @@ class Band(NamedTuple):
     number: int  # requested number of layers
     inside: Mask  # (r,) regions of its connected part
     pairs: Ints  # (k, 2) nodes of all edges of its connected part
-    sides: tuple[Ints, Ints]  # nodes on each side
+    sides: IntsPair  # nodes on each side
 
 
 def set_levels(triangulation: Triangulation, constraints: Constraints, layers: Mapping[str, int] | None) -> None:

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of, settings_of
 from kohonen_adapt.geometry.plane.layers import set_levels
 from kohonen_adapt.geometry.plane.midsides import (
@@ -126,7 +125,7 @@ class MovableMesh(Movable):
         elements, constraints = self.triangulation.elements, self.constraints
         return {"": loose, "elements": elements, "constraints": constraints, "twins": constraints.periodic}
 
-    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def set_arrays(self, state: Mapping[str, Array]) -> None:
         tri = self.triangulation
         elements, self.outline.constraints = with_state(tri.elements, self.constraints, state)
         tri.set_arrays(state["position"], elements)
@@ -176,7 +175,7 @@ class MovableMesh(Movable):
         return self.name_of(self.outline.farthest(self.triangulation)[1]) or "none"
 
     @property
-    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+    def part_names(self) -> Mapping[str, Int8s]:
         return self.outline.names
 
     @property
@@ -192,7 +191,7 @@ class MovableMesh(Movable):
 
 
 def with_state(
-    elements: Elements, constraints: Constraints, state: Mapping[str, NDArray[Any]]
+    elements: Elements, constraints: Constraints, state: Mapping[str, Array]
 ) -> tuple[Elements, Constraints]:
     periodic = constraints.periodic._replace(**arrays_of("twins", state))
     constraints = constraints._replace(periodic=periodic, **arrays_of("constraints", state))

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int8s, Int32s, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import (
     chains_of,
     find_parameters,
@@ -83,7 +82,7 @@ class Outline:
     """
 
     constraints: Constraints
-    names: dict[str, NDArray[np.int8]]
+    names: dict[str, Int8s]
     pinned: Mask
     curves: dict[str, Curve]
     curve_index: Ints
@@ -231,7 +230,7 @@ def match_pairs(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
     constraints.parameter[pairs.partner[v]] = constraints.parameter[v]
 
 
-def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
+def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> Int8s:
     kind = np.full(len(sliding), FREE, dtype=np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD
@@ -241,7 +240,7 @@ def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> NDArray[np.int8]:
 
 def chains_of_nodes(
     facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask, junctions: bool
-) -> NDArray[np.int32]:
+) -> Int32s:
     """Return the two curve segments of every node, -1 for none, shape (n, 2).
 
     Both columns of a sliding node hold its segment. A corner of two segments holds both, and a corner of three holds

@@ -4,11 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int32s, Ints, IntsPair, Mask
 from kohonen_adapt.checks import point_text
 from kohonen_adapt.geometry.plane.cutting import Points, as_complex, as_rows, square
 from kohonen_adapt.geometry.plane.polylines import Facets, constrained_facets
@@ -34,11 +33,11 @@ class Unmatched(ValueError):
 class Sides(NamedTuple):
     names: tuple[str, str]
     position: Floats  # (2, n)
-    facets: tuple[Ints, Ints]  # (k, 2) each: nodes, counter-clockwise around the elements
+    facets: IntsPair  # (k, 2) each: nodes, counter-clockwise around the elements
     size: float  # largest extent of the mesh
 
     @property
-    def nodes(self) -> tuple[Ints, Ints]:
+    def nodes(self) -> IntsPair:
         one, other = (np.unique(facets) for facets in self.facets)
         return one, other
 
@@ -233,8 +232,8 @@ def rigid_motion(points: Points, targets: Points) -> Floats:
 
 
 class Pairs(NamedTuple):
-    partner: NDArray[np.int32]  # (n,) partner of the node, -1 for none
-    motion: NDArray[np.int32]  # (n,) index of the motion onto the partner, -1 for none
+    partner: Int32s  # (n,) partner of the node, -1 for none
+    motion: Int32s  # (n,) index of the motion onto the partner, -1 for none
     motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse
     continues: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
     facet: Ints  # (f,) partner of the facet, -1 for none
@@ -263,13 +262,13 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
     )
 
 
-def sliding_pairs(constraints: Constraints) -> tuple[Ints, Ints]:
+def sliding_pairs(constraints: Constraints) -> IntsPair:
     periodic, slides = constraints.periodic, constraints.kind == SLIDING
     node = np.flatnonzero(slides & (periodic.partner >= 0) & (periodic.motion % 2 == 0) & slides[periodic.partner])
     return node, periodic.partner[node]
 
 
-def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[tuple[Ints, Ints]]:
+def image_nodes(mesh: MeshTri, periodic: Sequence[Pair]) -> list[IntsPair]:
     triangulation = Triangulation.of(mesh)
     facets = constrained_facets(triangulation.mesh, triangulation.elements)
     matches = [match_of(triangulation, facets, *pair) for pair in checked_pairs(mesh, periodic)]

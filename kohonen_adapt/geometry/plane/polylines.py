@@ -8,10 +8,9 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted
+from kohonen_adapt.arrays import Floats, Int8s, Int32s, Ints, IntsPair, Mask, counted
 from kohonen_adapt.geometry.circles import rounded
 from kohonen_adapt.geometry.plane.curves import Arc, Curve, check_near
 from kohonen_adapt.geometry.plane.cutting import Part, as_complex, as_rows, cut_polyline
@@ -49,7 +48,7 @@ class Facets(NamedTuple):
     corner: Ints  # (f,) local index of the corner opposite to the facet
     nodes: Ints  # (f, 2)
     label: Ints  # (f, 2) regions and names on both sides, seen along and against the facet
-    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
+    sides: dict[str, Int8s]  # per boundary name (f,): 0, UNORIENTED, LEFT or RIGHT
 
 
 class Joints(NamedTuple):
@@ -70,9 +69,9 @@ class Polyline(NamedTuple):
 
 
 class Polylines(NamedTuple):
-    node: NDArray[np.int32]  # (s,) in order, polyline after polyline; closed polylines repeat the first node at the end
-    facet: NDArray[np.int32]  # (s,) facet after each node, -1 after the last node of a polyline
-    start: NDArray[np.int32]  # (r + 1,) first slot of every polyline in `node` and `facet`
+    node: Int32s  # (s,) in order, polyline after polyline; closed polylines repeat the first node at the end
+    facet: Int32s  # (s,) facet after each node, -1 after the last node of a polyline
+    start: Int32s  # (r + 1,) first slot of every polyline in `node` and `facet`
     closed: Mask  # (r,) True if the polyline is a loop without a corner
 
     @property
@@ -137,7 +136,7 @@ def trace_facets(facets: Facets, joints: Joints, stops: Mask) -> Polylines:
     return trace_polylines(facets.nodes, joints.node, joints.facets, joints.smooth & ~stops[joints.node])
 
 
-def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -> tuple[Ints, Ints]:
+def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -> IntsPair:
     # Edges continue each other with the smallest turn below `sharpest`, also where more edges end, but not at nodes of
     # the mask `stops`, shape (n,). Returns the ends (m, 2) of the edges as new numbers, equal only where two edges
     # continue each other, and the node of every number.
@@ -261,7 +260,7 @@ def nodes_of(position: Floats, node: Ints, segments: Segments, p: int) -> Floats
     return position[node[segments.first[p] : segments.last[p] + 1]]
 
 
-def joined_ends(ends: Ints, nnodes: int) -> tuple[Ints, Ints]:
+def joined_ends(ends: Ints, nnodes: int) -> IntsPair:
     """Return the nodes (j,) in which exactly two edges end, and the ends (j, 2).
 
     Ends of edge k have the indices 2 k and 2 k + 1.

@@ -4,13 +4,11 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
+from kohonen_adapt.arrays import Array, Floats, Ints, IntsPair, free_rows, padded, ranks
 from kohonen_adapt.checks import listed
 from kohonen_adapt.geometry.movable import Recycled, element_order, reordered_state, unchanged
 from kohonen_adapt.geometry.plane.layers import bands_with, steps_from
@@ -71,7 +69,7 @@ logger = logging.getLogger("kohonen_adapt")
 
 @dataclass(frozen=True)
 class Surgery:
-    state: dict[str, NDArray[Any]]
+    state: dict[str, Array]
     mesh: OpenMesh
 
     @classmethod
@@ -101,7 +99,7 @@ class Surgery:
         scratch, metric = SurgeryScratch.of(rows, spare), Metric(state["shape"], relief)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, scratch, metric))
 
-    def write_back(self, movable: MovableMesh, renumbered: bool = False) -> tuple[Ints, Ints]:
+    def write_back(self, movable: MovableMesh, renumbered: bool = False) -> IntsPair:
         anchor, node = self.mesh.pool.anchor, self.mesh.elements.node
         nodes = np.flatnonzero(anchor >= 0)
         if renumbered:

@@ -7,11 +7,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask
 from kohonen_adapt.geometry.movable import Movable, arrays_of, settings_of
 from kohonen_adapt.geometry.rules import Rules, checked_surfaces, pinned_nodes
 from kohonen_adapt.geometry.space.midsides import NO_EDGES, InputEdges, offsets_on_surfaces
@@ -148,7 +147,7 @@ class MovableSolid(Movable):
         return curved, flat, int(np.count_nonzero(flat | offset.any(axis=0)))
 
     @property
-    def part_names(self) -> Mapping[str, NDArray[np.int8]]:
+    def part_names(self) -> Mapping[str, Int8s]:
         return self.patches.names
 
     @property
@@ -180,7 +179,7 @@ class MovableSolid(Movable):
             "freedom.number": (HELD, INSIDE + 1),
         }
 
-    def check_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def check_state(self, state: Mapping[str, Array]) -> None:
         super().check_state(state)
         node, number, place = (state[name] for name in ("tetrahedra.node", "freedom.number", "freedom.place"))
         if np.any(node[node[:, 0] >= 0] < 0):
@@ -189,7 +188,7 @@ class MovableSolid(Movable):
             if np.any((number == kind) & ((place < 0) | (place >= count))):
                 raise ValueError(f"freedom.place has numbers from {place.min()} to {place.max()}")
 
-    def set_arrays(self, state: Mapping[str, NDArray[Any]]) -> None:
+    def set_arrays(self, state: Mapping[str, Array]) -> None:
         tet = self.tetrahedralization
         tet.set_arrays(state["position"], tet.elements._replace(**arrays_of("tetrahedra", state)))
         self.freedom, self.shape = self.freedom._replace(**arrays_of("freedom", state)), state["shape"]

@@ -1,12 +1,10 @@
 """Arrays of a tetrahedral mesh with spare rows for new nodes and elements."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Floats, Ints, free_rows, padded, ranks
+from kohonen_adapt.arrays import Array, Floats, Int32s, Ints, IntsPair, free_rows, padded, ranks
 from kohonen_adapt.geometry.movable import arrays_of, element_order, reordered_state
 from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid, metric_of
 from kohonen_adapt.geometry.space.thread_parts import Parts, wait_in
@@ -54,7 +52,7 @@ class OpenSolid:
         Minimum Euclidean quality after a swap, or the worst quality before if that is lower.
     """
 
-    state: dict[str, NDArray[Any]]
+    state: dict[str, Array]
     mesh: OpenTetrahedra
     queue: Queue
     floor: float
@@ -144,7 +142,7 @@ class OpenSolid:
         for stack, height in zip((mesh.pool.free_nodes, mesh.pool.free_elements), mesh.pool.height, strict=True):
             stack[:height] = free_rows(len(stack) - height, len(stack))[:height]
 
-    def along_curve(self) -> tuple[Ints, Ints]:
+    def along_curve(self) -> IntsPair:
         nodes, used = self.nodes(), self.elements()
         nodes = nodes[along_curve(self.mesh.position[nodes])]
         return nodes, used[element_order(self.mesh.elements.node[used], ranks(nodes, len(self.mesh.position)))]
@@ -155,7 +153,7 @@ class OpenSolid:
         return nodes
 
 
-def records_of(state: dict[str, NDArray[Any]]) -> tuple[Floats, Tetrahedra, Freedom]:
+def records_of(state: dict[str, Array]) -> tuple[Floats, Tetrahedra, Freedom]:
     return (
         state["position"],
         Tetrahedra(**arrays_of("tetrahedra", state)),
@@ -170,7 +168,7 @@ def swap_elements(movable: MovableSolid) -> None:
         opened.write_back(movable)
 
 
-def star_of(node: NDArray[np.int32], nodes: int) -> Star:
+def star_of(node: Int32s, nodes: int) -> Star:
     star = Star.of(nodes, len(node))
     fill_star(node, star)
     return star

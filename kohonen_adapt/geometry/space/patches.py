@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted, grouped, unique_pairs
+from kohonen_adapt.arrays import Floats, Int8s, Ints, IntsPair, Mask, counted, grouped, unique_pairs
 from kohonen_adapt.geometry.plane.curves import projected
 from kohonen_adapt.geometry.space.surfaces import (
     Surface,
@@ -49,7 +48,7 @@ class Faces(NamedTuple):
     corner: Ints  # (f,) local index of the corner opposite to the face
     nodes: Ints  # (f, 3)
     label: Ints  # (f, 2) regions and names on both sides, seen from the element and from across
-    sides: dict[str, NDArray[np.int8]]  # per boundary name (f,): 0, UNORIENTED, LEFT (of the element) or RIGHT
+    sides: dict[str, Int8s]  # per boundary name (f,): 0, UNORIENTED, LEFT (of the element) or RIGHT
     regions: Ints  # (f, 2) of the element and of its neighbour, -1 outside
 
 
@@ -102,7 +101,7 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
 class Shapes(NamedTuple):
     """Surfaces or curves, with the values of `Surfaces` in the kernels."""
 
-    shape: NDArray[np.int8]  # (p,)
+    shape: Int8s  # (p,)
     origin: Floats  # (p, 3)
     axis: Floats  # (p, 3)
     size: Floats  # (p,)
@@ -113,14 +112,14 @@ class Shapes(NamedTuple):
 
 class Patches(NamedTuple):
     of_face: Ints  # (f,)
-    shape: NDArray[np.int8]  # (p,)
+    shape: Int8s  # (p,)
     origin: Floats  # (p, 3)
     axis: Floats  # (p, 3)
     size: Floats  # (p,)
     surface_index: Ints  # (p,) index of the user-defined surface, -1 for none
     surfaces: dict[str, Surface]  # user-defined surfaces by boundary name
     front: Ints  # (p,) region in front of the patch, -1 if both sides are in the same region
-    names: dict[str, NDArray[np.int8]]  # per boundary name (p,): 0, UNORIENTED, LEFT (of its front) or RIGHT
+    names: dict[str, Int8s]  # per boundary name (p,): 0, UNORIENTED, LEFT (of its front) or RIGHT
     sheet: "Sheet"
 
     @property
@@ -177,7 +176,7 @@ def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
     return onto_all([(node[own], patch[own]) for own in rows], patches, position)
 
 
-def onto_all(sequence: Sequence[tuple[Ints, Ints]], patches: Patches, position: Floats) -> Floats:
+def onto_all(sequence: Sequence[IntsPair], patches: Patches, position: Floats) -> Floats:
     x, tolerance = position.copy(), STILL * np.ptp(position, axis=0).max()
     for _ in range(ROUNDS):
         before = x.copy()

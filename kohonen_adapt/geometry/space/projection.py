@@ -5,7 +5,7 @@ Kernels cannot call the method `project` of a user-defined surface. They use the
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.geometry.space.patches import Faces, Patches, onto_all
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CIRCLE,
@@ -114,7 +114,7 @@ def volume_cut_off(position: Floats, elements: Tetrahedra, patches: Patches) -> 
     return float(np.sum(np.abs(np.sum(off * normals(position, nodes), axis=1))) / 6.0)
 
 
-def faces_on_surfaces(elements: Tetrahedra, patches: Patches) -> tuple[Ints, Ints]:
+def faces_on_surfaces(elements: Tetrahedra, patches: Patches) -> IntsPair:
     # nodes (f, 3) of the faces on patches that are not plane, and their patches
     used = elements.node[:, :1] >= 0
     e, k = np.nonzero(used & np.append(patches.moves, False)[elements.patch])

@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
+from kohonen_adapt.arrays import Floats, Int8s, Ints, Mask, grouped
 from kohonen_adapt.geometry.plane.curves import check_near, curve_of_facets
 from kohonen_adapt.geometry.plane.cutting import CLOSE, TURN
 from kohonen_adapt.geometry.plane.polylines import CORNER
@@ -83,7 +82,7 @@ def planes_of(faces: Faces, patch: Ints, first: Ints, position: Floats) -> Shape
 
 def sides_of(
     faces: Faces, seams: Seams, patch: Ints, first: Ints, position: Floats
-) -> tuple[Ints, dict[str, NDArray[np.int8]], Sheet]:
+) -> tuple[Ints, dict[str, Int8s], Sheet]:
     """Return the region in front of every patch, its names, and the `Sheet`.
 
     The front of a patch is the side on which the element of its first face lies. The sheet distinguishes front and back

@@ -6,10 +6,9 @@ Nodes slide along ridges; corners, the ends of ridges, stay where they are.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, counted, unique_pairs
+from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask, counted, unique_pairs
 from kohonen_adapt.geometry.circles import sphere_through
 from kohonen_adapt.geometry.plane.cutting import COLLINEAR, TURN, Circle, Part, as_complex, as_rows, cut_polyline
 from kohonen_adapt.geometry.plane.polylines import CORNER, circles_of, joined_ends, trace_polylines, turns_at
@@ -44,7 +43,7 @@ STEPS = np.array([[0.36, 0.48, 0.8], [0.8, -0.36, 0.48]])  # directions parallel
 class Ridges(NamedTuple):
     ends: Ints  # (k, 2) nodes of the edges
     of_edge: Ints  # (k,) ridge of every edge, -1 if more than MOST patches meet or the shape is unknown
-    meets: NDArray[np.int32]  # (r, MOST) patches that meet, ascending, padded with -1
+    meets: Int32s  # (r, MOST) patches that meet, ascending, padded with -1
     curves: Shapes  # (r,)
 
 
@@ -63,7 +62,7 @@ def ridges_of(edges: Edges, patches: Patches, position: Floats) -> Ridges:
     return Ridges(ends, ridge[of_edge], kinds[kind[edge[known[first]]]], Shapes._make(array[first] for array in own))
 
 
-def meeting_patches(edges: Edges, patches: Patches) -> tuple[NDArray[np.int32], Mask, Mask]:
+def meeting_patches(edges: Edges, patches: Patches) -> tuple[Int32s, Mask, Mask]:
     """Return the patches that meet at every edge, (g, MOST), and two masks (g,).
 
     The first mask is True if more than MOST patches meet, the second if the edge belongs to a ridge.

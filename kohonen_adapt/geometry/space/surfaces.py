@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.checks import check_fields, checked_points, finite_triple, is_number, positive_number
 
 __all__ = [
@@ -289,7 +289,7 @@ def on_cone(x: Floats, origin: Floats, axis: Floats, size: Floats | float) -> Fl
     return origin + axis * (length * cos) + out * (length * sin)
 
 
-def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, tuple[Floats, Floats]]:
+def along_and_out(x: Floats, origin: Floats, axis: Floats) -> tuple[Floats, FloatsPair]:
     """Return coordinates along axes, distances from axes, and outward vectors.
 
     The shapes are (k, 1), (k, 1) and (k, 3). Outward vectors have length 1, also for points on the axis.

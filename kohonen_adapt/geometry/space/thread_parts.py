@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from kohonen_adapt.arrays import Ints, padded
+from kohonen_adapt.arrays import Ints, Mask, padded
 from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import MARGIN, along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED, Cavity, OpenTetrahedra, Queue, Star
@@ -67,7 +66,7 @@ class Parts:
 
         The result for a node may depend on its neighbours only.
         """
-        partitions = list[tuple[Nodes, NDArray[np.bool_]]]()
+        partitions = list[tuple[Nodes, Mask]]()
         for part in self.partitions:
             interior = np.empty(len(part), dtype=np.bool_)
             mark_interior(star.start, star.link, part, 1, interior, np.empty_like(part))

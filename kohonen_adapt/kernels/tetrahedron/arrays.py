@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.arrays import Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
@@ -52,20 +53,20 @@ class Tetrahedra(NamedTuple):
     satisfy (b - a) . ((c - a) x (d - a)) = 6 V.
     """
 
-    node: np.ndarray  # (m, 4) int32; unused rows begin with -1
-    neighbour: np.ndarray  # (m, 4) int32
-    region: np.ndarray  # (m,) int32
-    patch: np.ndarray  # (m, 4) int32: patch of the face opposite to corner k, -1 for faces that may be swapped
+    node: Array  # (m, 4) int32; unused rows begin with -1
+    neighbour: Array  # (m, 4) int32
+    region: Array  # (m,) int32
+    patch: Array  # (m, 4) int32: patch of the face opposite to corner k, -1 for faces that may be swapped
 
 
 @record
 class Samples(NamedTuple):
     """Sampled points of patches without a formula, as one k-d tree per patch."""
 
-    start: np.ndarray  # (p + 1,) int32: patch p has rows start[p] to start[p + 1]
-    point: np.ndarray  # (s, 3)
-    normal: np.ndarray  # (s, 3): unit vectors, all on the same side of the patch
-    hessian: np.ndarray  # (s, 3, 3): second derivatives of the height along the normal
+    start: Array  # (p + 1,) int32: patch p has rows start[p] to start[p + 1]
+    point: Array  # (s, 3)
+    normal: Array  # (s, 3): unit vectors, all on the same side of the patch
+    hessian: Array  # (s, 3, 3): second derivatives of the height along the normal
 
 
 NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
@@ -73,23 +74,23 @@ NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0,
 
 @record
 class Surfaces(NamedTuple):
-    shape: np.ndarray  # (p,) int8: PLANE, SPHERE, CYLINDER, CONE, PROJECTED
-    origin: np.ndarray  # (p, 3): a point of a plane or an axis, a centre, an apex
-    axis: np.ndarray  # (p, 3): unit normal of a plane, direction of an axis, for a cone from the apex inwards
-    size: np.ndarray  # (p,): radius of a sphere or a cylinder, half angle of a cone
-    meets: np.ndarray  # (r, RIDGE_PATCHES) int32: patches that meet in the ridge, ascending, then -1
-    ridge_shape: np.ndarray  # (r,) int8: LINE, CIRCLE, INTERSECTION
-    ridge_origin: np.ndarray  # (r, 3): a point of a line, the centre of a circle
-    ridge_axis: np.ndarray  # (r, 3): direction of a line, unit normal of the plane of a circle
-    ridge_size: np.ndarray  # (r,): radius of a circle
+    shape: Array  # (p,) int8: PLANE, SPHERE, CYLINDER, CONE, PROJECTED
+    origin: Array  # (p, 3): a point of a plane or an axis, a centre, an apex
+    axis: Array  # (p, 3): unit normal of a plane, direction of an axis, for a cone from the apex inwards
+    size: Array  # (p,): radius of a sphere or a cylinder, half angle of a cone
+    meets: Array  # (r, RIDGE_PATCHES) int32: patches that meet in the ridge, ascending, then -1
+    ridge_shape: Array  # (r,) int8: LINE, CIRCLE, INTERSECTION
+    ridge_origin: Array  # (r, 3): a point of a line, the centre of a circle
+    ridge_axis: Array  # (r, 3): direction of a line, unit normal of the plane of a circle
+    ridge_size: Array  # (r,): radius of a circle
     samples: Samples = NO_SAMPLES  # empty without PROJECTED patches
 
 
 @record
 class Freedom(NamedTuple):
-    number: np.ndarray  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
-    place: np.ndarray  # (n,) int32: ridge or patch of a sliding node, otherwise -1
-    pinned: np.ndarray  # (n,) bool: held by the user; edges between two pinned nodes are not split
+    number: Array  # (n,) int8: HELD, ON_RIDGE, ON_PATCH, INSIDE
+    place: Array  # (n,) int32: ridge or patch of a sliding node, otherwise -1
+    pinned: Array  # (n,) bool: held by the user; edges between two pinned nodes are not split
 
 
 @record
@@ -100,9 +101,9 @@ class Star(NamedTuple):
     oriented.
     """
 
-    start: np.ndarray  # (n + 1,) int32
-    element: np.ndarray  # (4 m,) int32
-    link: np.ndarray  # (4 m, 3) int32
+    start: Array  # (n + 1,) int32
+    element: Array  # (4 m,) int32
+    link: Array  # (4 m, 3) int32
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Star":
@@ -112,35 +113,35 @@ class Star(NamedTuple):
 
 @record
 class Origins(NamedTuple):
-    fineness: np.ndarray  # (n,): cube root of the requested node density
-    old: np.ndarray  # (n,) int32: row in the input mesh, -1 for new nodes
-    start_element: np.ndarray  # (n,) int32: an element of the input mesh near the node
-    non_manifold: np.ndarray  # (n,) bool: non-manifold, elements not all connected by faces
-    sagitta: np.ndarray  # (p,): maximum distance of edge midpoints from the patch
+    fineness: Array  # (n,): cube root of the requested node density
+    old: Array  # (n,) int32: row in the input mesh, -1 for new nodes
+    start_element: Array  # (n,) int32: an element of the input mesh near the node
+    non_manifold: Array  # (n,) bool: non-manifold, elements not all connected by faces
+    sagitta: Array  # (p,): maximum distance of edge midpoints from the patch
 
 
 @record
 class Cavity(NamedTuple):
     """Scratch of surgery, with the elements to remove and to insert."""
 
-    element_stamp: np.ndarray  # (m,) int64: marked if equal to `counter`, like `node_stamp`
-    node_stamp: np.ndarray  # (n,) int64
-    counter: np.ndarray  # (1,) int64: increases only
-    around: np.ndarray  # (MOST,) int32: elements around a node
-    around_other: np.ndarray  # (MOST,) int32: elements around a second node or an edge
-    old: np.ndarray  # (MOST,) int32: elements to remove
-    new: np.ndarray  # (2 MOST, 4) int32: nodes of elements to insert
-    region: np.ndarray  # (2 MOST,) int32: regions of elements to insert
-    patch: np.ndarray  # (2 MOST, 4) int32: patches of faces of `new`, except on the border of the cavity
-    made: np.ndarray  # (2 MOST,) int32: rows of inserted elements
-    face: np.ndarray  # (12 MOST, 5) int32: three nodes of a face, ascending, element and corner across
-    face_patch: np.ndarray  # (12 MOST,) int32: patch of `face`
-    ring: np.ndarray  # (2, RING) int32: nodes around an edge, in each of up to two regions
-    shell: np.ndarray  # (2, RING) int32: elements around the edge
-    merit: np.ndarray  # (2, RING, RING): merit of the best triangulation of ring nodes i to k
-    apex: np.ndarray  # (2, RING, RING) int32: third node of the triangle at i and k
-    stack: np.ndarray  # (4 RING, 2) int32
-    meeting: np.ndarray  # (5,) int32: patches at an edge, ascending, then -1
+    element_stamp: Array  # (m,) int64: marked if equal to `counter`, like `node_stamp`
+    node_stamp: Array  # (n,) int64
+    counter: Array  # (1,) int64: increases only
+    around: Array  # (MOST,) int32: elements around a node
+    around_other: Array  # (MOST,) int32: elements around a second node or an edge
+    old: Array  # (MOST,) int32: elements to remove
+    new: Array  # (2 MOST, 4) int32: nodes of elements to insert
+    region: Array  # (2 MOST,) int32: regions of elements to insert
+    patch: Array  # (2 MOST, 4) int32: patches of faces of `new`, except on the border of the cavity
+    made: Array  # (2 MOST,) int32: rows of inserted elements
+    face: Array  # (12 MOST, 5) int32: three nodes of a face, ascending, element and corner across
+    face_patch: Array  # (12 MOST,) int32: patch of `face`
+    ring: Array  # (2, RING) int32: nodes around an edge, in each of up to two regions
+    shell: Array  # (2, RING) int32: elements around the edge
+    merit: Array  # (2, RING, RING): merit of the best triangulation of ring nodes i to k
+    apex: Array  # (2, RING, RING) int32: third node of the triangle at i and k
+    stack: Array  # (4 RING, 2) int32
+    meeting: Array  # (5,) int32: patches at an edge, ascending, then -1
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Cavity":
@@ -156,7 +157,7 @@ class Cavity(NamedTuple):
 class OpenTetrahedra(NamedTuple):
     """Mesh of tetrahedra with spare rows for nodes and elements."""
 
-    position: np.ndarray  # (n, 3)
+    position: Array  # (n, 3)
     elements: Tetrahedra
     surfaces: Surfaces
     freedom: Freedom
@@ -170,9 +171,9 @@ class OpenTetrahedra(NamedTuple):
 class Queue(NamedTuple):
     """Ring buffer of elements whose edges and faces are to be searched for swaps."""
 
-    waiting: np.ndarray  # (m,) int8: FREE, WAITS, or ELSEWHERE and WANTED in other parts of the mesh
-    element: np.ndarray  # (m,) int32: ring buffer
-    state: np.ndarray  # (2,) int64: index of the first element, and count
+    waiting: Array  # (m,) int8: FREE, WAITS, or ELSEWHERE and WANTED in other parts of the mesh
+    element: Array  # (m,) int32: ring buffer
+    state: Array  # (2,) int64: index of the first element, and count
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
@@ -183,23 +184,23 @@ class Queue(NamedTuple):
 class Constraints(NamedTuple):
     freedom: Freedom
     surfaces: Surfaces
-    inner: np.ndarray  # (n,) bool: all neighbours are in one region
+    inner: Array  # (n,) bool: all neighbours are in one region
     metric: Metric = ROUND_METRIC
 
 
 @record
 class Trial(NamedTuple):
-    value: np.ndarray  # (n,)
-    fixed: np.ndarray  # (n,) bool: Dirichlet value
-    data: np.ndarray  # (regions, 9): coefficient / 12, source / 24, flux / 6, shift, 1 if reduced, otherwise 0
+    value: Array  # (n,)
+    fixed: Array  # (n,) bool: Dirichlet value
+    data: Array  # (regions, 9): coefficient / 12, source / 24, flux / 6, shift, 1 if reduced, otherwise 0
     laws: Laws  # by region, in place of the coefficient
-    rate: np.ndarray  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
-    counted: np.ndarray  # (p,) bool: curved patches whose slivers are counted
-    follows: np.ndarray  # (p,) bool: patches whose Dirichlet values extend into slivers
-    loaded: np.ndarray  # (p,) bool: flat patches with the work of an applied field
-    source: np.ndarray  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
-    surface: np.ndarray  # (n, 2): offset of the value in reduced regions and load off `loaded` patches, (0, 2) for none
-    applied: np.ndarray = NO_APPLIED  # (n, 14), (0, 14) without `loaded` patches
+    rate: Array  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
+    counted: Array  # (p,) bool: curved patches whose slivers are counted
+    follows: Array  # (p,) bool: patches whose Dirichlet values extend into slivers
+    loaded: Array  # (p,) bool: flat patches with the work of an applied field
+    source: Array  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
+    surface: Array  # (n, 2): offset of the value in reduced regions and load off `loaded` patches, (0, 2) for none
+    applied: Array = NO_APPLIED  # (n, 14), (0, 14) without `loaded` patches
 
 
 @record
@@ -210,41 +211,39 @@ class SolidBlock(NamedTuple):
     the edges in the order of `EDGES`. Rows of edges are used by index, or by far end for edges at a node.
     """
 
-    unknowns: np.ndarray  # (1,) int64: number of unknowns
-    local: np.ndarray  # (2 MOST, 10): coefficients of elements, values relative to a common value
-    dof: np.ndarray  # (2 MOST, 10) int32: index of the unknown of each coefficient, -1 for none
-    given: np.ndarray  # (2 MOST, 6) bool: Dirichlet edges
-    end: np.ndarray  # (UNKNOWNS, 2) int32: nodes of edges, the lower first, or the far end
-    mode: np.ndarray  # (UNKNOWNS,): coefficients of edges
-    edge_dof: np.ndarray  # (UNKNOWNS,) int32: index of the unknown of each edge, -1 for none
-    edge_given: np.ndarray  # (UNKNOWNS,) bool: Dirichlet edges
-    slope: np.ndarray  # (4, 3): gradients of the barycentric coordinates of an element
-    field: np.ndarray  # (4, 3): sum of the gradients at all corners, plus that at each corner
-    product: np.ndarray  # (4, 4): products of `slope`
-    stiffness: np.ndarray  # (UNKNOWNS, UNKNOWNS): second derivatives, in the lower triangle; then the Cholesky factor
-    rest: np.ndarray  # (UNKNOWNS,): first derivatives; then the solution with the factor
-    mixed: np.ndarray  # (UNKNOWNS, 3): second derivatives by unknown and position; then the solution with the factor
-    correction: np.ndarray  # (UNKNOWNS,): change of the unknowns to the minimum
-    point: np.ndarray  # (q, 4): barycentric coordinates of the quadrature points of a law
-    weight: np.ndarray  # (q,): weights with sum 1
-    force: np.ndarray  # (4, 3): integrals of L_a h of `law_order2`
-    curvature: np.ndarray  # (4, 4, 6): integrals of L_a L_b M (xx, xy, xz, yy, yz, zz), in the lower triangle
-    turn: np.ndarray  # (4, 3, 3): integrals of L_a (M g_0) grad u^T
-    applied: np.ndarray  # (4, 3): product of the curvature and a function
-    curve_start: np.ndarray  # (n + 1,) int32: first curved edge of every node
-    curve_end: np.ndarray  # (k,) int32: far end of every curved edge, each edge twice
-    curve_offset: np.ndarray  # (k, 3): midside offset of every curved edge
-    curve_place: np.ndarray  # (k,) int32: patch, or ridge after the patches, that the edge follows, -1 for none
-    curve_point: np.ndarray  # (q, 4): barycentric coordinates of the quadrature points of curved elements without a law
-    curve_weight: np.ndarray  # (q,): weights with sum 1
-    offset: np.ndarray  # (6, 3): midside offsets of an element
-    tangent: np.ndarray  # (4, 3): corners of the straight element with the derivatives of a curved one
-    gradient: np.ndarray  # (10, 3): gradients of the functions at a point
+    unknowns: Array  # (1,) int64: number of unknowns
+    local: Array  # (2 MOST, 10): coefficients of elements, values relative to a common value
+    dof: Array  # (2 MOST, 10) int32: index of the unknown of each coefficient, -1 for none
+    given: Array  # (2 MOST, 6) bool: Dirichlet edges
+    end: Array  # (UNKNOWNS, 2) int32: nodes of edges, the lower first, or the far end
+    mode: Array  # (UNKNOWNS,): coefficients of edges
+    edge_dof: Array  # (UNKNOWNS,) int32: index of the unknown of each edge, -1 for none
+    edge_given: Array  # (UNKNOWNS,) bool: Dirichlet edges
+    slope: Array  # (4, 3): gradients of the barycentric coordinates of an element
+    field: Array  # (4, 3): sum of the gradients at all corners, plus that at each corner
+    product: Array  # (4, 4): products of `slope`
+    stiffness: Array  # (UNKNOWNS, UNKNOWNS): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: Array  # (UNKNOWNS,): first derivatives; then the solution with the factor
+    mixed: Array  # (UNKNOWNS, 3): second derivatives by unknown and position; then the solution with the factor
+    correction: Array  # (UNKNOWNS,): change of the unknowns to the minimum
+    point: Array  # (q, 4): barycentric coordinates of the quadrature points of a law
+    weight: Array  # (q,): weights with sum 1
+    force: Array  # (4, 3): integrals of L_a h of `law_order2`
+    curvature: Array  # (4, 4, 6): integrals of L_a L_b M (xx, xy, xz, yy, yz, zz), in the lower triangle
+    turn: Array  # (4, 3, 3): integrals of L_a (M g_0) grad u^T
+    applied: Array  # (4, 3): product of the curvature and a function
+    curve_start: Array  # (n + 1,) int32: first curved edge of every node
+    curve_end: Array  # (k,) int32: far end of every curved edge, each edge twice
+    curve_offset: Array  # (k, 3): midside offset of every curved edge
+    curve_place: Array  # (k,) int32: patch, or ridge after the patches, that the edge follows, -1 for none
+    curve_point: Array  # (q, 4): barycentric coordinates of the quadrature points of curved elements without a law
+    curve_weight: Array  # (q,): weights with sum 1
+    offset: Array  # (6, 3): midside offsets of an element
+    tangent: Array  # (4, 3): corners of the straight element with the derivatives of a curved one
+    gradient: Array  # (10, 3): gradients of the functions at a point
 
     @classmethod
-    def of(
-        cls, point: np.ndarray, weight: np.ndarray, curves: tuple[np.ndarray, ...], rule: tuple[np.ndarray, np.ndarray]
-    ) -> "SolidBlock":
+    def of(cls, point: Array, weight: Array, curves: tuple[Array, ...], rule: tuple[Array, Array]) -> "SolidBlock":
         rows, edges = 2 * MOST, UNKNOWNS
         small = [np.empty(shape) for shape in ((4, 3), (4, 3), (4, 4), (edges, edges), edges, (edges, 3), edges)]
         moments = [np.empty(shape) for shape in ((4, 3), (4, 4, 6), (4, 3, 3), (4, 3))]
@@ -275,15 +274,15 @@ class Quadratic(NamedTuple):
 
     trial: Trial  # values at the nodes, and the functional
     modes: Modes
-    dirichlet: np.ndarray  # (p,) bool: patches with Dirichlet values
+    dirichlet: Array  # (p,) bool: patches with Dirichlet values
     block: SolidBlock
 
 
 @record
 class Offers(NamedTuple):
-    gain: np.ndarray  # (m, 6): gain of splitting each edge, at one of its elements, 0 at the rest
-    cost: np.ndarray  # (n,): cost of the cheapest permitted collapse of each node, or inf
-    open: np.ndarray  # (p,) bool: patches whose edges may be split
-    removable: np.ndarray  # (n,) bool: nodes that may collapse
-    lone: np.ndarray  # (n,) bool: Dirichlet nodes on no Dirichlet patch
-    is_new: np.ndarray  # (n,) bool: nodes inserted since the evaluation
+    gain: Array  # (m, 6): gain of splitting each edge, at one of its elements, 0 at the rest
+    cost: Array  # (n,): cost of the cheapest permitted collapse of each node, or inf
+    open: Array  # (p,) bool: patches whose edges may be split
+    removable: Array  # (n,) bool: nodes that may collapse
+    lone: Array  # (n,) bool: Dirichlet nodes on no Dirichlet patch
+    is_new: Array  # (n,) bool: nodes inserted since the evaluation

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
 from kohonen_adapt.kernels.numba.compilation import record
@@ -37,14 +38,14 @@ class Elements(NamedTuple):
     ``neighbour[e, k]`` is the neighbour across the edge opposite to corner k, -1 at the boundary.
     """
 
-    node: np.ndarray  # (m, 3) int32
-    neighbour: np.ndarray  # (m, 3) int32
-    region: np.ndarray  # (m,) int32
-    chain: np.ndarray  # (m, 3) int32: segment of the edge opposite to corner k, -1 for an edge that may flip
-    level: np.ndarray  # (n,) int32: from 0 on one side of a subdomain with layers to their number on the opposite side
-    layered: np.ndarray  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
+    node: Array  # (m, 3) int32
+    neighbour: Array  # (m, 3) int32
+    region: Array  # (m,) int32
+    chain: Array  # (m, 3) int32: segment of the edge opposite to corner k, -1 for an edge that may flip
+    level: Array  # (n,) int32: from 0 on one side of a subdomain with layers to their number on the opposite side
+    layered: Array  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
 
-    def ends(self, e: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def ends(self, e: Array, k: Array) -> tuple[Array, Array]:
         return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
 
 
@@ -56,22 +57,22 @@ class Star(NamedTuple):
     counter-clockwise.
     """
 
-    start: np.ndarray  # (n + 1,) int32
-    element: np.ndarray  # (3 m,) int32
-    ahead: np.ndarray  # (3 m,) int32
-    behind: np.ndarray  # (3 m,) int32
+    start: Array  # (n + 1,) int32
+    element: Array  # (3 m,) int32
+    ahead: Array  # (3 m,) int32
+    behind: Array  # (3 m,) int32
 
     @property
-    def link(self) -> np.ndarray:
+    def link(self) -> Array:
         return np.column_stack([self.ahead, self.behind])
 
 
 @record
 class Chains(NamedTuple):
-    geometry: np.ndarray  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
-    flags: np.ndarray  # (c, 3) int8: shape, closed, paired
-    row: np.ndarray  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
-    knot: np.ndarray  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
+    geometry: Array  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
+    flags: Array  # (c, 3) int8: shape, closed, paired
+    row: Array  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
+    knot: Array  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
 
     @classmethod
     def of(cls, count: int) -> "Chains":
@@ -79,93 +80,93 @@ class Chains(NamedTuple):
         return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
 
     @property
-    def shape(self) -> np.ndarray:
+    def shape(self) -> Array:
         return self.flags[:, SHAPE]  # sTRAIGHT, ROUND or TABLED
 
     @property
-    def origin(self) -> np.ndarray:
+    def origin(self) -> Array:
         return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]  # position at the parameter 0, shape (c, 2)
 
     @property
-    def direction(self) -> np.ndarray:
+    def direction(self) -> Array:
         return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]  # unit tangent at the origin, shape (c, 2)
 
     @property
-    def length(self) -> np.ndarray:
+    def length(self) -> Array:
         return self.geometry[:, LENGTH]  # largest parameter
 
     @property
-    def curvature(self) -> np.ndarray:
+    def curvature(self) -> Array:
         return self.geometry[:, CURVATURE]  # 1 / radius of ROUND segments, positive if counter-clockwise
 
     @property
-    def closed(self) -> np.ndarray:
+    def closed(self) -> Array:
         return self.flags[:, CLOSED].view(np.bool_)  # mask of segments without ends, on which the parameter is periodic
 
     @property
-    def reach(self) -> np.ndarray:
+    def reach(self) -> Array:
         return self.geometry[:, REACH]  # maximum length of a facet, due to its distance from the curve
 
     @property
-    def merged(self) -> np.ndarray:
+    def merged(self) -> Array:
         return self.geometry[:, MERGED]  # maximum length of two facets that a collapse joins
 
     @property
-    def sagitta(self) -> np.ndarray:
+    def sagitta(self) -> Array:
         return self.geometry[:, SAGITTA]  # maximum distance between curve and facets
 
     @property
-    def even(self) -> np.ndarray:
+    def even(self) -> Array:
         return self.geometry[:, EVEN]  # length of equal facets that are as far from the curve as the input
 
     @property
-    def paired(self) -> np.ndarray:
+    def paired(self) -> Array:
         return self.flags[:, PAIRED].view(np.bool_)  # mask of segments with periodic partners at the same parameters
 
 
 @record
 class PeriodicPairs(NamedTuple):
-    partner: np.ndarray  # (n,) int32: partner node, -1 for none
-    motion: np.ndarray  # (n,) int32: motion that maps the node to its partner, -1 for none
-    motions: np.ndarray  # (motions, 2, 3): x -> A x + b as rows [A | b]
-    region: np.ndarray  # (motions, r) int32: region that continues a region after a motion, -1 for none
+    partner: Array  # (n,) int32: partner node, -1 for none
+    motion: Array  # (n,) int32: motion that maps the node to its partner, -1 for none
+    motions: Array  # (motions, 2, 3): x -> A x + b as rows [A | b]
+    region: Array  # (motions, r) int32: region that continues a region after a motion, -1 for none
 
 
 @record
 class Constraints(NamedTuple):
-    kind: np.ndarray  # (n,) int8: FREE, SLIDING or HELD
-    chain: np.ndarray  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
-    parameter: np.ndarray  # (n,): position on the segment
-    inner: np.ndarray  # (n,) bool: in the interior of a region, with all neighbours in the closed region
+    kind: Array  # (n,) int8: FREE, SLIDING or HELD
+    chain: Array  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
+    parameter: Array  # (n,): position on the segment
+    inner: Array  # (n,) bool: in the interior of a region, with all neighbours in the closed region
     chains: Chains
     periodic: PeriodicPairs
     metric: Metric = Metric(np.zeros((0, 3)), 1.0)  # of the map; Euclidean in the polish
 
     @property
-    def own_chain(self) -> np.ndarray:
+    def own_chain(self) -> Array:
         """Segment on which a node slides, else -1, JUNCTION or the first one of a corner."""
         return self.chain[:, OWN]
 
 
 @record
 class Origins(NamedTuple):
-    density: np.ndarray  # (n,): wanted nodes per area
-    old: np.ndarray  # (n,) int32: index before, -1 for a new node
-    start_element: np.ndarray  # (n,) int32: element near the node in the mesh before
-    pinned: np.ndarray  # (n,) bool: edges between two pinned nodes are not split
-    is_new: np.ndarray  # (n,) bool: new in this round, and not collapsed, so that a round ends
-    non_manifold: np.ndarray  # (n,) bool: non-manifold nodes, into which no node is collapsed
-    longest: np.ndarray  # (n,): maximum length of a facet made by collapsing a node on a curve
+    density: Array  # (n,): wanted nodes per area
+    old: Array  # (n,) int32: index before, -1 for a new node
+    start_element: Array  # (n,) int32: element near the node in the mesh before
+    pinned: Array  # (n,) bool: edges between two pinned nodes are not split
+    is_new: Array  # (n,) bool: new in this round, and not collapsed, so that a round ends
+    non_manifold: Array  # (n,) bool: non-manifold nodes, into which no node is collapsed
+    longest: Array  # (n,): maximum length of a facet made by collapsing a node on a curve
 
 
 @record
 class SurgeryScratch(NamedTuple):
-    around: np.ndarray  # (m,) int32: elements around a node
-    around_other: np.ndarray  # (m,) int32
-    stamp: np.ndarray  # (n,) int64
-    counter: np.ndarray  # (1,) int64
-    stack: np.ndarray  # (m,) int32: elements with edges to check for a flip
-    waiting: np.ndarray  # (m,) bool: elements in the stack
+    around: Array  # (m,) int32: elements around a node
+    around_other: Array  # (m,) int32
+    stamp: Array  # (n,) int64
+    counter: Array  # (1,) int64
+    stack: Array  # (m,) int32: elements with edges to check for a flip
+    waiting: Array  # (m,) bool: elements in the stack
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
@@ -176,7 +177,7 @@ class SurgeryScratch(NamedTuple):
 
 @record
 class OpenMesh(NamedTuple):
-    position: np.ndarray  # (n, 2)
+    position: Array  # (n, 2)
     elements: Elements
     constraints: Constraints
     pool: Pool
@@ -189,15 +190,15 @@ class OpenMesh(NamedTuple):
 class Trial(NamedTuple):
     """Function of order 1 (see also `Modes`) and the functional to minimise."""
 
-    value: np.ndarray  # (n,)
-    fixed: np.ndarray  # (n,) bool: Dirichlet value at the node or along its segment
-    on_chain: np.ndarray  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
+    value: Array  # (n,)
+    fixed: Array  # (n,) bool: Dirichlet value at the node or along its segment
+    on_chain: Array  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
     # Half of the coefficient, a sixth of the source and half of the flux of every element. If the flux varies inside
     # regions, then a centre, to which the half refers, and the derivatives of its components. If the source varies,
     # then a centre, affine coordinates X, Y relative to the centre, and the coefficients of X^i Y^j, in the order of j
     # and then i; a function with a varying source has `Modes` at order 1 as well.
-    data: np.ndarray  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
-    nonlinear: np.ndarray  # (n,) bool: the node touches nonlinear material
+    data: Array  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
+    nonlinear: Array  # (n,) bool: the node touches nonlinear material
     laws: Laws  # replace the coefficient
 
 
@@ -216,10 +217,10 @@ class Reference(NamedTuple):
     L_2.
     """
 
-    mean: np.ndarray  # (functions,): integrals
-    mean_slope: np.ndarray  # (functions, 2): means of the gradients
-    product: np.ndarray  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
-    halves: np.ndarray  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
+    mean: Array  # (functions,): integrals
+    mean_slope: Array  # (functions, 2): means of the gradients
+    product: Array  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
+    halves: Array  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
 
 
 STRAIGHT_SIDED, STRAIGHT_WITH_SOURCE = 7, 8  # kinds of `Points`
@@ -246,8 +247,8 @@ class Points(NamedTuple):
 
 @record
 class Shapes(NamedTuple):
-    offset: np.ndarray  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
-    special: np.ndarray  # (m,) bool: the element has a curved side, or is around an axis
+    offset: Array  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
+    special: Array  # (m,) bool: the element has a curved side, or is around an axis
     around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
 
 
@@ -267,25 +268,25 @@ class Block(NamedTuple):
     from the centre that are not held, and the bubbles. Shapes are given by d elements, u unknowns and b functions.
     """
 
-    size: np.ndarray  # (2,) int32: numbers of rows and of unknowns
-    own: np.ndarray  # (2,): value to which values are relative, and the value at the centre relative to this value
-    element: np.ndarray  # (d,) int32: element with the data of the row
-    end: np.ndarray  # (d, 3) int32: -1 for the centre, then the next corners counter-clockwise
-    held: np.ndarray  # (d, 3) bool: the coefficients of the side are not unknowns
-    dirichlet: np.ndarray  # (d, 3) bool: as in `Modes`
-    special: np.ndarray  # (d,) bool: as in `Shapes`
-    local: np.ndarray  # (d, b): coefficients
-    offset: np.ndarray  # (d, 3, 2): as in `Shapes`
-    dof: np.ndarray  # (d, b) int32: index of the unknown of every coefficient, -1 for none
-    sign: np.ndarray  # (d, b): factor from the unknown to the coefficient
-    far_end: np.ndarray  # (u,) int32: far end of the side of every unknown
-    part: np.ndarray  # (b,): coefficients of an element that is halved
-    added: np.ndarray  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
-    stiffness: np.ndarray  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
-    rest: np.ndarray  # (u,): first derivatives; then the solution with the factor
-    mixed: np.ndarray  # (u, 2): second derivatives by unknown and position; then the solution with the factor
-    correction: np.ndarray  # (u,): change of the unknowns to the minimum at the old position
-    response: np.ndarray  # (u,): further change of the unknowns due to a step of the node
+    size: Array  # (2,) int32: numbers of rows and of unknowns
+    own: Array  # (2,): value to which values are relative, and the value at the centre relative to this value
+    element: Array  # (d,) int32: element with the data of the row
+    end: Array  # (d, 3) int32: -1 for the centre, then the next corners counter-clockwise
+    held: Array  # (d, 3) bool: the coefficients of the side are not unknowns
+    dirichlet: Array  # (d, 3) bool: as in `Modes`
+    special: Array  # (d,) bool: as in `Shapes`
+    local: Array  # (d, b): coefficients
+    offset: Array  # (d, 3, 2): as in `Shapes`
+    dof: Array  # (d, b) int32: index of the unknown of every coefficient, -1 for none
+    sign: Array  # (d, b): factor from the unknown to the coefficient
+    far_end: Array  # (u,) int32: far end of the side of every unknown
+    part: Array  # (b,): coefficients of an element that is halved
+    added: Array  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
+    stiffness: Array  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: Array  # (u,): first derivatives; then the solution with the factor
+    mixed: Array  # (u, 2): second derivatives by unknown and position; then the solution with the factor
+    correction: Array  # (u,): change of the unknowns to the minimum at the old position
+    response: Array  # (u,): further change of the unknowns due to a step of the node
 
     @classmethod
     def of(cls, elements: int, functions: int) -> "Block":
@@ -306,7 +307,7 @@ class Block(NamedTuple):
 class Descent(NamedTuple):
     """Mesh and function with scratch of a thread."""
 
-    position: np.ndarray  # (n, 2)
+    position: Array  # (n, 2)
     elements: Elements
     star: Star
     constraints: Constraints
@@ -343,9 +344,9 @@ class Descents(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    gain: np.ndarray  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
-    cost: np.ndarray  # (n,): increase by the cheapest valid collapse of the node, inf without one
-    into: np.ndarray  # (n,) int32: neighbour into which the node is collapsed
-    open: np.ndarray  # (c,) bool: segments with edges that may be split
-    removable: np.ndarray  # (n,) bool: nodes that may be removed
-    locked: np.ndarray  # (m,) bool: elements changed by a split or a collapse, or about to be changed
+    gain: Array  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
+    cost: Array  # (n,): increase by the cheapest valid collapse of the node, inf without one
+    into: Array  # (n,) int32: neighbour into which the node is collapsed
+    open: Array  # (c,) bool: segments with edges that may be split
+    removable: Array  # (n,) bool: nodes that may be removed
+    locked: Array  # (m,) bool: elements changed by a split or a collapse, or about to be changed

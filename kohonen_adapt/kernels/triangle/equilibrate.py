@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.triangle.geometry import corner_of, twice_area
@@ -29,27 +30,27 @@ class FluxData(NamedTuple):
     Nodes are counter-clockwise, and a side has the index of the opposite node.
     """
 
-    point: np.ndarray  # (n, 2)
-    node: np.ndarray  # (t, 3) int32
-    neighbour: np.ndarray  # (t, 3) int32: element across each side, NATURAL or GIVEN
-    outflow: np.ndarray  # (t, 3): discrete flux through each side
-    source: np.ndarray  # (t,)
-    reluctivity: np.ndarray  # (t,)
+    point: Array  # (n, 2)
+    node: Array  # (t, 3) int32
+    neighbour: Array  # (t, 3) int32: element across each side, NATURAL or GIVEN
+    outflow: Array  # (t, 3): discrete flux through each side
+    source: Array  # (t,)
+    reluctivity: Array  # (t,)
 
 
 @record
 class Patch(NamedTuple):
-    element: np.ndarray  # (w,) int32
-    corner: np.ndarray  # (w,) int32: local index of the vertex
-    jump: np.ndarray  # (w + 2,) J, zero on the boundary
-    mean: np.ndarray  # (w + 2,) m
-    tilt: np.ndarray  # (w + 2,) d
-    held: np.ndarray  # (w + 2,) bool: fixed unknowns, the tilts of all edges followed by the circulation
-    matrix: np.ndarray  # (w + 2, w + 2)
-    load: np.ndarray  # (w + 2,)
-    gram: np.ndarray  # (4, 4): energy products of the four boundary values of an element
-    slope: np.ndarray  # (4,): energy products with the field of the source
-    values: np.ndarray  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
+    element: Array  # (w,) int32
+    corner: Array  # (w,) int32: local index of the vertex
+    jump: Array  # (w + 2,) J, zero on the boundary
+    mean: Array  # (w + 2,) m
+    tilt: Array  # (w + 2,) d
+    held: Array  # (w + 2,) bool: fixed unknowns, the tilts of all edges followed by the circulation
+    matrix: Array  # (w + 2, w + 2)
+    load: Array  # (w + 2,)
+    gram: Array  # (4, 4): energy products of the four boundary values of an element
+    slope: Array  # (4,): energy products with the field of the source
+    values: Array  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
 
 
 def patch_scratch(width: int) -> Patch:

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import expm
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Mask
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.mesh.cells import width_of
@@ -72,7 +72,7 @@ class Images(NamedTuple):
         shift = matrix @ motion.at(np.zeros((3, 1)))[:, 0] - turn @ self.shift[image]
         return Motion(shift, turn, np.zeros(3))
 
-    def folded(self, x: Floats, current: Floats) -> tuple[Floats, Floats]:
+    def folded(self, x: Floats, current: Floats) -> FloatsPair:
         x, current = x.copy(), current.copy()
         for image, matrix in enumerate(self.matrix):  # the identity first
             y = self.points(x, image)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Function
+from kohonen_adapt.arrays import Floats, FloatsPair, Function
 from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Winding, cross
 from kohonen_adapt.mesh.elements.rules import product_rule
 
@@ -32,7 +32,7 @@ def currents_of(winding: Winding) -> Currents:
     return Currents(x, weight / (winding.width * winding.height) * winding.vectors(direction))
 
 
-def flux_rule(winding: Winding) -> tuple[Floats, Floats]:
+def flux_rule(winding: Winding) -> FloatsPair:
     # Return points (3, n), and the weights of the flux along the axis.
     #
     # The flux through the turns, averaged over the section, is ``int A . J`` over the winding per ampere-turn. ``T =
@@ -58,7 +58,7 @@ def _winding_rule(winding: Winding) -> tuple[Floats, Floats, Floats, Plane]:
     return x, volume, np.tile(fraction, IN_HEIGHT), np.tile(direction, IN_HEIGHT)
 
 
-def _bore_rule(winding: Winding) -> tuple[Floats, Floats]:
+def _bore_rule(winding: Winding) -> FloatsPair:
     # Slabs between the ends of curves, each with one or more intervals across.
     curves = [curve for piece in winding.pieces for curve in _inner_curves(piece)]
     ends = np.sort([end for *both, _ in curves for end in both])
@@ -103,18 +103,18 @@ def _divided(piece: Bar | Arc) -> list[Bar | Arc]:
     return [piece._replace(start=piece.start + k * extent, extent=extent) for k in range(count)]
 
 
-def _extruded(winding: Winding, y: Plane, weight: Floats) -> tuple[Floats, Floats]:
+def _extruded(winding: Winding, y: Plane, weight: Floats) -> FloatsPair:
     z, size = _clustered(IN_HEIGHT)
     x = np.concatenate([winding.in_space(y, level) for level in winding.height * (z - 0.5)], axis=1)
     return x, np.outer(size * winding.height, weight).ravel()
 
 
-def _gauss(count: int) -> tuple[Floats, Floats]:
+def _gauss(count: int) -> FloatsPair:
     barycentric, weight = product_rule((count,))
     return barycentric[:, 1], weight
 
 
-def _clustered(count: int) -> tuple[Floats, Floats]:
+def _clustered(count: int) -> FloatsPair:
     # at both ends of [0, 1]
     u, weight = _gauss(count)
     return u**2 * (3.0 - 2.0 * u), weight * 6.0 * u * (1.0 - u)

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.given_field import (
     FACET_SIGNS,
     AppliedField,
@@ -186,7 +186,7 @@ def _at_unknowns(elements: Space, chi: Floats, iron: Mask, function: AppliedFiel
     return values
 
 
-def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> tuple[Floats, Floats]:
+def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> FloatsPair:
     """Return chi with ``Hs = -grad chi + T`` in iron and 0 elsewhere, and T.
 
     `along` has the circulations of Hs along the edges of iron. chi, shape (nnodes,), is integrated along a tree that

@@ -1,15 +1,14 @@
 """Boundary conditions of the unknowns on a mesh."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import coo_array, csc_array
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import DataFunction, Floats, Ints, Mask
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
@@ -24,7 +23,7 @@ __all__ = ["Conditions", "Value", "circle_of", "conditions_of", "fixed_values", 
 CONTRADICTION = 1e-9  # allowed difference of values at tied nodes, relative to the largest fixed value
 ROUND = 1e-3  # allowed distance of nodes of an open boundary from the circle, relative to the radius
 
-Value = float | Callable[[Floats], ArrayLike]
+Value = float | DataFunction
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.sparse.linalg import splu
 from skfem.refdom import RefTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS
 from kohonen_adapt.mesh.cells import centroids_of
@@ -138,7 +138,7 @@ class Curls:
         places = np.append(start, end[other]), np.append(end, start[other])
         return coo_array((np.append(inner, inner[other]), places), shape=(count, count)).tocsr()
 
-    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
+    def stiffness(self, across: Floats, free: Ints, along: FloatsPair | None = None) -> Reduced:
         """Return the matrix for nu in every element.
 
         `across` is nu. `along` is a second coefficient and the unit vectors, shape (3, nelements), in whose direction

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.elements.functions import positions
@@ -94,7 +94,7 @@ class Rule(NamedTuple):
 OF_FUNCTIONS = Rule(GAUSS_POINTS[:, 1], GAUSS_WEIGHTS, 0.0)
 
 
-def circulations(x: Floats, ends: Ints, function: AppliedField) -> tuple[Floats, Floats]:
+def circulations(x: Floats, ends: Ints, function: AppliedField) -> FloatsPair:
     """Return ``int Hs . dl`` and ``int |Hs| dl`` along segments, shape (n,) in A.
 
     `ends` (2, n) are columns of the points x. The second integral has the terms of coils and of a further function

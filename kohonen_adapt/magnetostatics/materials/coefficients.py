@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Int64s, Ints, Mask
 from kohonen_adapt.checks import finite_values, listed
 from kohonen_adapt.magnetostatics.materials.laws import Inverse, Law, Scaled, flux_density_of, reluctivities
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
@@ -87,11 +86,11 @@ class Coefficients:
         laws = [(Inverse(law), rows) for law, rows in self.nonlinear_materials]
         return Densities(weights, 1.0 / self.reluctivity, laws)
 
-    def reluctivities(self, flux_density: Floats) -> tuple[Floats, Floats]:
+    def reluctivities(self, flux_density: Floats) -> FloatsPair:
         """Return secant |H + Hc| / |B| and differential d|H + Hc| / d|B|, in m/H."""
         return self.densities().secants(magnitude(flux_density))
 
-    def permeabilities(self, strength: Floats) -> tuple[Floats, Floats]:
+    def permeabilities(self, strength: Floats) -> FloatsPair:
         """Return secant |B| / |H + Hc| and differential d|B| / d|H + Hc|, in H/m."""
         return self.coenergy_densities().secants(magnitude(strength + self.coercivity))
 
@@ -194,7 +193,7 @@ def _evaluated(name: str, value: Vector, x: Floats) -> Floats:
     return finite_values(name, value, x, x.shape)
 
 
-def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> NDArray[np.int64]:
+def material_of_elements(mesh: Mesh, materials: Mapping[str, Material]) -> Int64s:
     material_index = np.full(mesh.nelements, -1)
     for index, name in enumerate(materials):
         elements = np.asarray(named(mesh.subdomains, name, "subdomain"))

@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import scipy  # loads `scipy.optimize` at its first use
 
-from kohonen_adapt.arrays import Floats, Function
+from kohonen_adapt.arrays import Floats, FloatsPair, Function
 from kohonen_adapt.checks import is_number
 
 __all__ = [
@@ -244,7 +244,7 @@ class Arctan(Law):
         return VACUUM_PERMEABILITY * (1.0 + (self.permeability - 1.0) / (1.0 + (self._steepness * h) ** 2))
 
 
-def reluctivities(law: Law, b: Floats) -> tuple[Floats, Floats]:
+def reluctivities(law: Law, b: Floats) -> FloatsPair:
     """Return the secant H / B and the differential dH/dB in m/H, equal at B = 0."""
     slope = np.asarray(law.slope(b), dtype=float)
     small = b < 1e-9  # T: the quotient would be rounding error
@@ -264,7 +264,7 @@ class Scaled:
     def energy(self, b: Floats) -> Floats:
         return self.factor * self.law.energy(b)
 
-    def secants(self, b: Floats) -> tuple[Floats, Floats]:
+    def secants(self, b: Floats) -> FloatsPair:
         secant, differential = reluctivities(self.law, b)
         return self.factor * secant, self.factor * differential
 
@@ -283,7 +283,7 @@ class Inverse:
         b = flux_density_of(self.law, h)
         return h * b - self.law.energy(b)
 
-    def secants(self, h: Floats) -> tuple[Floats, Floats]:
+    def secants(self, h: Floats) -> FloatsPair:
         # the permeabilities B / H and dB/dH
         secant, differential = reluctivities(self.law, flux_density_of(self.law, h))
         return 1.0 / secant, 1.0 / differential

@@ -1,20 +1,19 @@
 """Magnetic materials, and magnetisations that vary within a region."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Function
+from kohonen_adapt.arrays import DataFunction, Floats, Function
 from kohonen_adapt.magnetostatics.materials.bh_table import Table
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Law
 
 __all__ = ["Material", "Vector", "check_materials", "halbach", "radial"]
 
-Vector = tuple[float, ...] | Callable[[Floats], ArrayLike]
+Vector = tuple[float, ...] | DataFunction
 
 
 @dataclass(frozen=True)

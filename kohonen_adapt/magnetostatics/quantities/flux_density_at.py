@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Mask
 from kohonen_adapt.checks import is_number, point_text
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
@@ -46,7 +46,7 @@ def spot_rule(x: Floats, direction: Floats, radius: float, exponent: int, around
 
 
 @cache
-def unit_rule(exponent: int, radii: int, around: int, latitudes: int = 1) -> tuple[Floats, Floats]:
+def unit_rule(exponent: int, radii: int, around: int, latitudes: int = 1) -> FloatsPair:
     # Points in the unit disc, or ball, and weights of the mean by the density ``(1 - s^2)^exponent`` at the distance s.
     (at, of_radius), (height, of_height) = (np.polynomial.legendre.leggauss(count) for count in (radii, latitudes))
     radius, dim = 0.5 + 0.5 * at, 3
@@ -167,7 +167,7 @@ class FluxDensityAt(VectorGoal):
         spot = self._place(field)
         return float(np.sum(spot.weight * field.flux_density_at(spot.x)))
 
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> FloatsPair:
         spot = self._place(field)
         return np.zeros_like(field.volume), field.load_at(spot.x, field.elements_at(spot.x), spot.weight)
 

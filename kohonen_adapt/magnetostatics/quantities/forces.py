@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of, motion_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
@@ -131,7 +131,7 @@ class Shell:
         return x[:, rows], field.elements_at(x[:, rows]), factor[rows] * moment[:, rows]
 
     @cached_property
-    def forces(self) -> tuple[Floats, Floats]:
+    def forces(self) -> FloatsPair:
         # points and the forces there, (d, n) each
         field, (at, slope, volumes) = self.field, self.at
         forces = -0.5 * volumes * stress(at.flux_density, slope, at.flux_density)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, OfBody, checked_point, parts_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
@@ -53,7 +53,7 @@ class Goal(Protocol):
         `Magnetostatics.goal_error` also evaluates J of fields of up to three orders more.
         """
 
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> FloatsPair:
         """Return `source` (nelements,) and `flux` (d, nelements) at a field.
 
         Both are constant in every element. If B varies within elements (order 2 and 3, around an axis, and in space
@@ -128,7 +128,7 @@ class _ComponentGoal(VectorGoal):
         """
         return float(sum(part.value() for part in self._place(field)))
 
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> FloatsPair:
         return np.zeros_like(field.volume), np.sum([part.load() for part in self._place(field)], axis=0)
 
 
@@ -227,7 +227,7 @@ class Torque(_ComponentGoal):
             object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
 
     @property
-    def _along(self) -> tuple[Floats, Floats]:
+    def _along(self) -> FloatsPair:
         return np.array(self.axis or OUT_OF_PAGE), np.array(self.centre)
 
     @property
@@ -273,7 +273,7 @@ class FluxLinkage(Goal):
     def _place(self, field: Any) -> list[OfCoil]:
         return [OfCoil(field, name) for name in self.circuit]
 
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> FloatsPair:
         if field.elements.dim == 2:
             return turn_length(field) * turns_density(field, self.circuit), np.zeros_like(field.elements.points)
         loads = [turns * coil.load() for turns, coil in zip(self.circuit.values(), self._place(field), strict=True)]
@@ -311,7 +311,7 @@ class StoredEnergy(Goal):
         """
         return float(np.sum((field.volume * field.energy_density)[elements_in(field.mesh, self.part)]))
 
-    def derivative(self, field: Any) -> tuple[Floats, Floats]:
+    def derivative(self, field: Any) -> FloatsPair:
         inside = elements_in(field.mesh, self.part)
         if inside.all():
             raise ValueError(

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
 from kohonen_adapt.magnetostatics.equations.given_field import Sources
 from kohonen_adapt.magnetostatics.equations.symmetry import AXISYMMETRIC, PLANAR, Mirror, Symmetry
@@ -286,7 +286,7 @@ class MagneticField(ABC):
         return np.asarray((np.abs(self.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN) | self.remanence.any(axis=0))
 
     @cached_property
-    def magnetisation(self) -> tuple[Floats, Floats]:
+    def magnetisation(self) -> FloatsPair:
         # points (d, n) in magnetised elements, with mu0 M in T times the volumes of the points
         x, element, volumes = self.points_in(self.magnetised)
         return x, self.at(x, element).magnetisation * volumes
@@ -337,7 +337,7 @@ class MagneticField(ABC):
         return self.kind(elements, self.elements.centroids, vectors, self.coefficients)
 
     @property
-    def permeabilities(self) -> tuple[Floats, Floats]:
+    def permeabilities(self) -> FloatsPair:
         """Secant ``|B| / |H + Hc|`` and differential one, (nelements,) each in H/m."""
         return self._means.permeabilities
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Function, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Function, Ints
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.elements.groups import all_points
@@ -67,13 +67,13 @@ class PointValues:
         return self.flux_density - VACUUM_PERMEABILITY * self.field_strength
 
     @property
-    def reluctivities(self) -> tuple[Floats, Floats]:
+    def reluctivities(self) -> FloatsPair:
         # secant and differential, (n,) each in m/H
         secant, differential = self.permeabilities
         return 1.0 / secant, 1.0 / differential
 
     @property
-    def permeabilities(self) -> tuple[Floats, Floats]:
+    def permeabilities(self) -> FloatsPair:
         secant, differential = self.reluctivities
         return 1.0 / secant, 1.0 / differential
 
@@ -89,7 +89,7 @@ class PointField(PointValues):
         return self.coefficients.field_strength(self.vectors)
 
     @cached_property
-    def reluctivities(self) -> tuple[Floats, Floats]:
+    def reluctivities(self) -> FloatsPair:
         return self.coefficients.reluctivities(self.vectors)
 
     def change_of_strength(self, change: Floats) -> Floats:
@@ -104,7 +104,7 @@ class Strength(PointValues):
         return self.vectors
 
     @cached_property
-    def permeabilities(self) -> tuple[Floats, Floats]:
+    def permeabilities(self) -> FloatsPair:
         return self.coefficients.permeabilities(self.vectors)
 
     @cached_property

@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 import numpy as np
 from scipy.linalg import eigh
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import Floats, FloatsPair
 
 __all__ = ["SMOOTH", "STRONG", "exponents"]
 
@@ -66,7 +66,7 @@ def of_sectors(angles: tuple[float, ...], values: tuple[float, ...], prescribed:
 
 
 @cache
-def matrices() -> tuple[Floats, Floats]:
+def matrices() -> FloatsPair:
     # products of the derivatives and of the values of Lagrange functions on (0, 1)
     at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
     nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)

@@ -19,7 +19,7 @@ from numpy.polynomial import legendre
 from skfem import ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4
 from skfem.refdom import RefTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.kernels.arrays import NEAR_AXIS
 from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.elements.rules import product_rule
@@ -66,7 +66,7 @@ def corner_slopes(dim: int) -> Floats:
     return np.vstack([-np.ones(dim), np.eye(dim)])
 
 
-def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
+def _legendre(degree: int, x: Floats) -> FloatsPair:
     value, slope = np.ones((degree + 1, *x.shape)), np.zeros((degree + 1, *x.shape))
     if degree > 0:
         value[1], slope[1] = x, 1.0
@@ -76,7 +76,7 @@ def _legendre(degree: int, x: Floats) -> tuple[Floats, Floats]:
     return value, slope
 
 
-def _on_parts(corners: Ints, at: Floats, order: int) -> tuple[Floats, Floats]:
+def _on_parts(corners: Ints, at: Floats, order: int) -> FloatsPair:
     """Return the functions that vanish off edges, faces or the inside.
 
     The parts have the `corners`, shape (m, corners). Values are (k m, n), and slopes (k m, d, n), with the lowest
@@ -103,7 +103,7 @@ def _on_parts(corners: Ints, at: Floats, order: int) -> tuple[Floats, Floats]:
     return np.concatenate(values), np.concatenate(slopes)
 
 
-def hierarchical(at: Floats, order: int) -> tuple[Floats, Floats]:
+def hierarchical(at: Floats, order: int) -> FloatsPair:
     """Return values (k, n) and slopes (k, d, n) of the hierarchical functions.
 
     The order is corners, then all edges for every degree from 2, then faces, then the inside.
@@ -205,7 +205,7 @@ def _to_nodal(order: int, dim: int, kind: int, spread: bool) -> Floats:
     return np.asarray(np.linalg.inv(values), dtype=np.float64)
 
 
-def near_axis(at: Floats, order: int, kind: Ints | int) -> tuple[Floats, Floats]:
+def near_axis(at: Floats, order: int, kind: Ints | int) -> FloatsPair:
     """Return the hierarchical functions of elements of kinds of `ON_AXIS`.
 
     `kind` is a single kind, or the kind at every point, (n,).
@@ -219,7 +219,7 @@ def near_axis(at: Floats, order: int, kind: Ints | int) -> tuple[Floats, Floats]
     return np.where(falls, factor * values, values), np.where(falls[:, None], falling_slopes, slopes)
 
 
-def reference_functions(at: Floats, order: int, kind: int = 0, spread: bool | None = None) -> tuple[Floats, Floats]:
+def reference_functions(at: Floats, order: int, kind: int = 0, spread: bool | None = None) -> FloatsPair:
     """Return values (k, n) and slopes (k, d, n) of the functions of nodal values.
 
     `kind` is the kind of a triangle at an axis. The nodes are spread by default above order 3.

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.mesh.elements.functions import reference_functions
 from kohonen_adapt.mesh.elements.rules import Rule, rule_of
 from kohonen_adapt.mesh.measures import magnitude
@@ -37,7 +37,7 @@ class Form(NamedTuple):
 class Reference:
     """Functions of a form of elements at the points of its rule."""
 
-    def __init__(self, form: Form, rule: Rule, functions: tuple[Floats, Floats]) -> None:
+    def __init__(self, form: Form, rule: Rule, functions: FloatsPair) -> None:
         self.form = form
         self.barycentric, self.weight = rule  # (q, d + 1), (q,)
         self.values, self.slopes = functions  # (k, q), (k, d, q)
@@ -129,7 +129,7 @@ class Group:
         stretch = np.sqrt(np.sum(self.hats**2, axis=(0, 1)) / len(self.hats))
         return magnitude(self.at.slopes.swapaxes(0, 1)) @ (self.restrict(size) * self.point_volumes * stretch)
 
-    def upper_products(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+    def upper_products(self, across: Floats, along: FloatsPair | None) -> Floats:
         """Return the upper triangles of the element matrices, (k (k + 1) / 2, m).
 
         Arguments are those of `Space.stiffness`.
@@ -143,14 +143,14 @@ class Group:
             found[:, part] = products @ self._metric(across, along, part)
         return found
 
-    def matrices(self, across: Floats, along: tuple[Floats, Floats] | None) -> Floats:
+    def matrices(self, across: Floats, along: FloatsPair | None) -> Floats:
         """Return the element matrices, (m, k, k)."""
         metric, pair = self._metric(across, along, slice(None)), self.at.pair
         if self.at.form.varies:
             return (metric.T @ self.at.products.T)[:, pair]
         return (metric.T @ self.at.products.T[:, pair.ravel()]).reshape(-1, *pair.shape)
 
-    def _metric(self, across: Floats, along: tuple[Floats, Floats] | None, part: slice) -> Floats:
+    def _metric(self, across: Floats, along: FloatsPair | None, part: slice) -> Floats:
         # coefficient times products of the gradients of barycentric coordinates, (pairs of coordinates q or 1, m)
         a, b = np.triu_indices(len(self.hats))
         hats, volume = self.hats[..., part], self.volumes[:, part]
@@ -232,7 +232,7 @@ class Groups(list[Group]):
         """Return ``int flux . grad phi``, (k, nelements)."""
         return self.by_element(lambda group: group.against_gradients(flux))
 
-    def matrices(self, across: Floats, along: tuple[Floats, Floats] | None = None) -> Floats:
+    def matrices(self, across: Floats, along: FloatsPair | None = None) -> Floats:
         """Return the matrices of ``int nu grad phi . grad phi``, (nelements, k, k)."""
         found = [group.matrices(across, along) for group in self]
         if len(found) == 1:

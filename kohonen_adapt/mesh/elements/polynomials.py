@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshTet, MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
@@ -193,7 +193,7 @@ def quadrature_points(order: int) -> Points:
     return Points(last, weight, share, value, slope, sides)
 
 
-def _rules(order: int, law: bool) -> list[tuple[Floats, Floats]]:
+def _rules(order: int, law: bool) -> list[FloatsPair]:
     # by kind of `Points`
     straight = triangle_rule(LAW_DEGREE[order] if law else 2 * (order - 1))
     return [*zip(*points_near_axis(order, law), strict=True), straight, triangle_rule(2 * order + SOURCE_DEGREE)]

@@ -12,7 +12,7 @@ from scipy.special import roots_jacobi
 from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 
-from kohonen_adapt.arrays import Floats
+from kohonen_adapt.arrays import FloatsPair
 
 __all__ = [
     "CURVED_RULE_IN_SPACE",
@@ -63,7 +63,7 @@ ORBITS_IN_SPACE = (
 CURVED_RULE_IN_SPACE = 0.25 + 5.0**-0.5 * (np.eye(4) - 0.25), np.full(4, 0.25)
 HIGHEST_TABLED = 19  # degree of scikit-fem's rules
 
-Rule = tuple[Floats, Floats]
+Rule = FloatsPair
 
 
 def symmetric_rule(orbits: Sequence[tuple[float, tuple[float, ...]]]) -> Rule:

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.mesh.cells import CELLS, centroids_of
 from kohonen_adapt.mesh.elements.assembly import (
     Interiors,
@@ -209,7 +209,7 @@ class Space(Unknowns):
 
     # equations
 
-    def stiffness(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None = None) -> Reduced:
+    def stiffness(self, across: Floats, free: Ints, along: FloatsPair | None = None) -> Reduced:
         """Return the matrix of ``int nu grad phi . grad phi`` of the free unknowns.
 
         `across` is nu at the columns of `gradient`, constant in straight elements without a law. `along` is a second
@@ -228,7 +228,7 @@ class Space(Unknowns):
             return None
         return Subspaces(self.prolongation(index), self.stars(index) if self.order > 2 else ())
 
-    def _without_interiors(self, across: Floats, free: Ints, along: tuple[Floats, Floats] | None) -> Reduced:
+    def _without_interiors(self, across: Floats, free: Ints, along: FloatsPair | None) -> Reduced:
         condensed, inverse, coupling = without_interiors(self.groups.matrices(across, along), self._outside)
         number, pattern, subspaces = self._pattern(free)
         interiors = Interiors(number[self.unknowns[self._outside :]].T, pattern.outer, inverse, coupling)
@@ -254,7 +254,7 @@ class Space(Unknowns):
 
     # values at points
 
-    def functions(self, element: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+    def functions(self, element: Ints, barycentric: Floats) -> FloatsPair:
         """Return values (k, n) and slopes (k, d, n) of the functions at points."""
         if not self.axis:
             return reference_functions(barycentric.T, self.order, 0, self.arcs)

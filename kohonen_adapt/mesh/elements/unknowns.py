@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended, Projections
 from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
 from kohonen_adapt.mesh.elements.functions import (
@@ -185,7 +185,7 @@ class Unknowns:
         star, row = np.divmod(np.unique(node[used] * count + row[used]), count)
         return np.split(row, np.flatnonzero(np.diff(star)) + 1)
 
-    def facet_points(self, facets: Ints, barycentric: Floats) -> tuple[Floats, Floats]:
+    def facet_points(self, facets: Ints, barycentric: Floats) -> FloatsPair:
         """Return points of facets at barycentric coordinates (d,), and normals, (d, n).
 
         The length of a normal is the size of the facet, in space twice its size, if the facet is straight.

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Int32s, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import Patches
 from kohonen_adapt.kernels.tetrahedron.arrays import (
@@ -165,7 +164,7 @@ class CurvedFaces:
         return float(np.sum((total + np.abs(total))[(across < 0) | (e < across)]))
 
 
-def by_points(barycentric: Floats) -> tuple[Floats, Floats]:
+def by_points(barycentric: Floats) -> FloatsPair:
     # values (q, 10) and slopes (q, 10, 3) of the functions of order 2
     values, slopes = hierarchical(barycentric, 2)
     return values.T, np.moveaxis(slopes, 2, 0)
@@ -191,10 +190,10 @@ def volumes(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k
 
 class CurvedEdges(NamedTuple):
     # as in `SolidBlock`
-    start: NDArray[np.int32]  # (n + 1,)
-    end: NDArray[np.int32]  # (k,)
+    start: Int32s  # (n + 1,)
+    end: Int32s  # (k,)
     offset: Floats  # (k, 3)
-    place: NDArray[np.int32]  # (k,)
+    place: Int32s  # (k,)
 
     @classmethod
     def of(cls, movable: MovableSolid, nodes: int) -> "CurvedEdges":

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, Mask
+from kohonen_adapt.arrays import Floats, Int32s, Int64s, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.functionals import Laws
@@ -106,7 +105,7 @@ class SolidFunctional:
 
     solution: TrialFunction
     ritz: Ritz
-    number: NDArray[np.int64]
+    number: Int64s
     data: Floats
     patches: int
     dirichlet: Mask
@@ -116,7 +115,7 @@ class SolidFunctional:
     unknown: Mask
     rate: Floats
     comparable: bool
-    law: NDArray[np.int32]
+    law: Int32s
     tables: Tables
     faces: CurvedFaces
     share: None = None

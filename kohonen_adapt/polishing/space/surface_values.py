@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, OpenTetrahedra, Surfaces
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
@@ -96,13 +96,13 @@ def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches
     return (found > 0) | ((sliding == 0) & (without == 0))
 
 
-def faces_on(mesh: OpenTetrahedra, patches: Mask) -> tuple[Ints, Ints]:
+def faces_on(mesh: OpenTetrahedra, patches: Mask) -> IntsPair:
     # elements and opposite corners of the faces on some patches
     e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
     return e, k
 
 
-def nodes_of_patches(tet: Tetrahedralization) -> tuple[Ints, Ints]:
+def nodes_of_patches(tet: Tetrahedralization) -> IntsPair:
     elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
     node = elements.node[e[:, None], FACES[k]]
@@ -140,7 +140,7 @@ def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom
     return np.stack(rows).astype(np.int64)
 
 
-def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> tuple[Floats, Floats]:
+def linear_fits(place: Ints, position: Floats, values: Floats, wanted: Mask) -> FloatsPair:
     """Return gradients (k, 3) and deviations (k,) of least-squares linear fits.
 
     `place` (q,) is the patch or ridge of every position (q, 3). Rows that are not `wanted` are 0.
