@@ -207,7 +207,7 @@ def finite_values(name: str, value: Any, x: Floats, shape: tuple[int, ...], reme
 
     `remedy` is the end of the message about values that are not finite.
     """
-    found = np.asarray(value(x) if callable(value) else value, dtype=float)
+    found = np.asarray(value(x) if callable(value) else value, float)
     if not found.shape and len(shape) == 1:
         found = np.full(shape, found)
     if found.shape != shape:

@@ -228,7 +228,7 @@ def equilibrated_correction(discrete: DiscreteFlux, fixed: ArrayLike | None) -> 
     fixed_mask = fixed_nodes(mesh, fixed)
     problem, order = _problem(mesh, discrete, fixed_mask)
     rows, imbalance = np.zeros((*order.shape, 2)), np.zeros(mesh.nvertices)
-    seen = np.zeros(mesh.t.T.shape, dtype=np.bool_)
+    seen = np.zeros(mesh.t.T.shape, bool)
     equilibrate(problem, patch_scratch(np.bincount(mesh.t.ravel()).max()), seen, rows, imbalance)
     _check_balance(mesh, discrete, fixed_mask, imbalance)
     correction = np.empty_like(rows)

@@ -42,7 +42,7 @@ class Surplus:
         nedges, (i, j) = mesh.nedges, EDGES
         self.unknowns: Ints = np.vstack((mesh.t2e, nedges + mesh.t2f))
         self.signs = np.vstack((np.where(mesh.t[i] < mesh.t[j], 1.0, -1.0), np.ones(mesh.t.shape)))
-        held = np.append(np.zeros(nedges, dtype=np.bool_), fixed)
+        held = np.append(np.zeros(nedges, bool), fixed)
         held[space.on_facets(np.flatnonzero(fixed))[3:] - mesh.nvertices] = True
         self.free, self.count = np.flatnonzero(~held), held.size
 

@@ -57,7 +57,7 @@ def outflows(mesh: Mesh, outflow: Floats) -> Floats:
         row = np.concatenate([rows_of_ends(mesh), row[cell.dim :]])
     place = row * nfacets + mesh.t2f
     total = np.bincount(place.ravel(), outflow.ravel(), len(outflow) * nfacets)
-    return np.asarray(total, dtype=np.float64).reshape(-1, nfacets)
+    return np.asarray(total, np.float64).reshape(-1, nfacets)
 
 
 def rows_of_ends(mesh: Mesh) -> Ints:

@@ -117,4 +117,4 @@ def with_pins(reasons: list[str], mesh: Mesh, pinned: Pinned, points: Mapping[st
 # Angles differ from node to node.
 def without_turns(why: Texts) -> Texts:
     texts, number = np.unique(why, return_inverse=True)
-    return np.array([TURN.sub("", text) for text in texts.tolist()], dtype=np.str_)[number]
+    return np.array([TURN.sub("", text) for text in texts.tolist()], np.str_)[number]

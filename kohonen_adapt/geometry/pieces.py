@@ -95,7 +95,7 @@ def sides_in_parent(share: Floats) -> Mask:
 def divided_boundary(mesh: Mesh, facet: Ints, parent: Ints, on_side: Mask, before: Mesh, rows: Ints) -> Ints:
     sides = sides_of(before, rows)
     meant = len(rows) if sides.oriented else len(sides.element)  # `sides_of` lists the oriented side first
-    named = np.zeros(before.t.shape[::-1], dtype=np.bool_)
+    named = np.zeros(before.t.shape[::-1], bool)
     named[sides.element[:meant], sides.corner[:meant]] = True
     e, k = np.nonzero(np.any(on_side & named[parent][:, None], axis=2))
     number, first = np.unique(facet[e, k], return_index=True)

@@ -176,7 +176,7 @@ def with_pinned(rules: Rules, nodes: Sequence[int]) -> Rules:
 
 
 def pinned_nodes(mesh: Mesh, pinned: Pinned) -> Mask:
-    mask = np.zeros(mesh.p.shape[1], dtype=bool)
+    mask = np.zeros(mesh.p.shape[1], bool)
     for entry in [pinned] if isinstance(pinned, str) else pinned:
         if isinstance(entry, str):
             mask[nodes_of_name(mesh, entry)] = True

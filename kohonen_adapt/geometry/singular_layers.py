@@ -95,7 +95,7 @@ def refined_at(
     if not is_number(factor) or not 0.0 < factor < 1.0:
         raise ValueError(f"factor must be a number between 0 and 1; got {factor!r}.")
     count = mesh.nvertices
-    singular = np.zeros(count, dtype=np.bool_)
+    singular = np.zeros(count, bool)
     singular[node_numbers("nodes", nodes, (), count)] = True
     if len(mesh.p) == 2:
         if np.size(edges):
@@ -122,7 +122,7 @@ def with_layers_at(
     """
     resolved = sizes_at(mesh) * FACTOR**layers > RESOLVED * magnitude(mesh.p[:, : mesh.nvertices])
     nodes = nodes[resolved[nodes]]
-    edges = np.zeros((2, 0), dtype=np.int64) if edges is None else edges[:, resolved[edges].all(axis=0)]
+    edges = np.zeros((2, 0), np.int64) if edges is None else edges[:, resolved[edges].all(axis=0)]
     while nodes.size or edges.size:
         try:
             made = refined_at(mesh, nodes, edges=edges, layers=layers, periodic=periodic, curves=curves)
@@ -149,7 +149,7 @@ def node_numbers(name: str, given: ArrayLike, before: tuple[int, ...], count: in
     # of shape (*before, k)
     rows = np.asarray(given)
     if not rows.size:
-        return np.zeros((*before, 0), dtype=np.int64)
+        return np.zeros((*before, 0), np.int64)
     if rows.shape[:-1] != before or rows.ndim == 0 or rows.dtype.kind not in "iu":
         wanted = ", ".join(map(str, (*before, "k"))) + ","[: not before]
         advice = " Take np.flatnonzero(mask) of a mask." if rows.dtype.kind == "b" and not before else ""

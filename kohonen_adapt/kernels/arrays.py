@@ -36,13 +36,13 @@ class SearchScratch(NamedTuple):
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SearchScratch":
         return cls(
-            np.zeros(nodes, dtype=np.int64),
-            np.zeros(elements, dtype=np.int64),
-            np.zeros(1, dtype=np.int64),
-            np.empty(nodes + elements + 1, dtype=np.int32),
-            np.empty(elements, dtype=np.int32),
+            np.zeros(nodes, np.int64),
+            np.zeros(elements, np.int64),
+            np.zeros(1, np.int64),
+            np.empty(nodes + elements + 1, np.int32),
+            np.empty(elements, np.int32),
             np.empty(elements),
-            np.empty((CROSSINGS + 3, 2), dtype=np.int32),
+            np.empty((CROSSINGS + 3, 2), np.int32),
         )
 
 

@@ -35,8 +35,8 @@ class Grid(NamedTuple):
         count = np.clip(np.ceil(extent / (extent.prod() / wanted) ** (1.0 / len(extent))), 1, 4096)
         while count.prod() > 8.0 * wanted + 8.0:  # a thin mesh has at least one cell across
             count = np.ceil(count / 2.0)
-        start = np.empty(int(count.prod()) + 1, dtype=np.int64)
-        return cls(origin, extent / count, count.astype(np.int64), start, np.empty(0, dtype=np.int32))
+        start = np.empty(int(count.prod()) + 1, np.int64)
+        return cls(origin, extent / count, count.astype(np.int64), start, np.empty(0, np.int32))
 
 
 @inner_kernel

@@ -21,7 +21,7 @@ class Heap(NamedTuple):
 
     @classmethod
     def of(cls, rows: int) -> "Heap":
-        return cls(np.empty(rows), np.empty((rows, 2), dtype=np.int32), np.zeros(1, dtype=np.int64))
+        return cls(np.empty(rows), np.empty((rows, 2), np.int32), np.zeros(1, np.int64))
 
 
 @inner_kernel

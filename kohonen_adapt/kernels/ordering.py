@@ -17,7 +17,7 @@ def along_curve(points: Floats, margin: float = MARGIN) -> Int64s:
     The square or cube of the curve exceeds the extent of the points by `margin`, so that rounding errors do not decide
     the order of nodes of regular meshes.
     """
-    keys = np.empty(len(points), dtype=np.int64)
+    keys = np.empty(len(points), np.int64)
     # column by column, which is many times faster
     low, high = (np.array([bound(column) for column in points.T]) for bound in (np.min, np.max))
     size = max(np.max(high - low), np.finfo(float).tiny)
@@ -35,7 +35,7 @@ def parts_along(order: Int32s, rows: int, parts: int) -> Int32s:
 
     Rows that are not in `order` are in part 0.
     """
-    part = np.zeros(rows, dtype=np.int32)
+    part = np.zeros(rows, np.int32)
     part[order] = np.arange(len(order), dtype=np.int64) * parts // len(order)
     return part
 

@@ -84,7 +84,7 @@ def indicators_beside_edges(
     `parts` are the nodes of singular edges and corners.
     """
     nodes = np.concatenate([part.ravel() for part in parts])
-    singular = np.asarray(np.isin(mesh.t, nodes).any(axis=0), dtype=np.bool_)
+    singular = np.asarray(np.isin(mesh.t, nodes).any(axis=0), bool)
     # Changes of smooth fields fall faster than by a power, which lower orders do not show.
     from_below = order >= FROM_BELOW[3] and bool(singular.any())
     values = higher() if higher and not from_below else None
@@ -112,7 +112,7 @@ def _squared_change(here: Energy, u: Floats, below: Energy, solution: Floats) ->
 def sums_over_changes(before: Floats, now: Floats, order: int, singular: Mask | None) -> Floats:
     # Sum of all squared changes from `order` on, over the first, `now`, of the group of every element.
     found, place = np.ones_like(now), order + 0.5
-    for group in [np.ones(now.size, dtype=np.bool_)] if singular is None else [singular, ~singular]:
+    for group in [np.ones(now.size, bool)] if singular is None else [singular, ~singular]:
         first, second = before[group].sum(), now[group].sum()
         if second > 0.0:
             fall = np.log(first / second) / np.log(place / (place - 1.0)) if first > 0.0 else 0.0

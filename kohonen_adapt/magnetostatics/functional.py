@@ -181,7 +181,7 @@ def surface_terms(
 
 
 def nodal_terms(field: SolidField, conditions: Conditions, potential: Floats) -> Floats:
-    drive, outside = field.drive, np.zeros(potential.size, dtype=np.bool_)
+    drive, outside = field.drive, np.zeros(potential.size, bool)
     outside[drive.elements.unknowns[:, ~drive.iron]] = True
     works = ~(conditions.fixed & (conditions.values == drive.potential))  # phi is not 0
     works &= np.abs(drive.load) > NO_LOAD * np.abs(drive.load).max(initial=0.0)

@@ -215,7 +215,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         order = self.order if order is None else order
         material, planes = self.given_on(mesh, order)
         parallel = [plane.facets for plane in planes.values() if plane.kind == "parallel"]
-        closed = np.concatenate([np.zeros(0, dtype=np.int64), *parallel])
+        closed = np.concatenate([np.zeros(0, np.int64), *parallel])
         drive = drive_on(mesh, material, self.free_field, closed, order, known)
         conditions = self.conditions(drive, planes)
         far = ends_far(drive, conditions, planes.values())

@@ -149,7 +149,7 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
                     "boundary, or use MagneticScalarPotential."
                 )
             normal = [*normal, facets]
-        crossed = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *normal]))
+        crossed = np.unique(np.concatenate([np.zeros(0, np.int64), *normal]))
         if open_surfaces(edges, crossed) > 1:
             raise ValueError(
                 "potentials are given on separate closed surfaces of the mesh, and flux from one to the other has no "

@@ -59,11 +59,11 @@ def neighbours_of(node: Ints, position: Floats) -> Ints:
             f"it (inverted or doubled), of {shown}; repair the mesh before adapting it."
         )
     neighbour = elements_of(index, len(count)).sum(axis=0)[index] - np.arange(len(node))
-    return np.ascontiguousarray(neighbour.T, dtype=np.int32)
+    return np.ascontiguousarray(neighbour.T, np.int32)
 
 
 def _is_even(rows: Ints) -> Mask:
-    odd = np.zeros(rows.shape[1:], dtype=np.bool_)
+    odd = np.zeros(rows.shape[1:], bool)
     for k in range(1, len(rows)):
         odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
     return ~odd
@@ -95,7 +95,7 @@ def connected_arrays(mesh: Mesh) -> tuple[Floats, Ints, Ints]:
         If the mesh is tangled, or if elements lie on others.
     """
     corners = corners_of(mesh)
-    position = np.ascontiguousarray(corners.p.T, dtype=np.float64)
+    position = np.ascontiguousarray(corners.p.T, np.float64)
     node = positive(position, corners.t)
     neighbour = neighbours_of(node, position)
     refuse_overlap(mesh, position, node, neighbour)

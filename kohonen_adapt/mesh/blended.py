@@ -114,7 +114,7 @@ def is_folded(mesh: MeshTri) -> bool:
 
 
 def _polynomial(series: Floats, t: Floats) -> FloatsPair:
-    value, slope = (np.asarray(polyval(t, each, tensor=False), dtype=np.float64) for each in (series, polyder(series)))
+    value, slope = (np.asarray(polyval(t, each, tensor=False), np.float64) for each in (series, polyder(series)))
     return value, slope
 
 

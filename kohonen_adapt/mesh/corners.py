@@ -119,7 +119,7 @@ def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = N
     around = elements_around(shape, nodes)
     found = {node: exponents_at(shape, materials, element, k) for node, (element, k) in around.items()}
     least = {node: each[0] for node, each in found.items() if each.size and each[0] < 1.0 - WHOLE}
-    return np.array(list(least), dtype=np.int64), np.array(list(least.values()))
+    return np.array(list(least), np.int64), np.array(list(least.values()))
 
 
 def elements_around(shape: Blended, nodes: Ints) -> dict[int, IntsPair]:
@@ -162,6 +162,6 @@ def jumps(materials: Materials, element: Ints) -> bool:
 
 
 def points_inside(shape: Blended, materials: Materials) -> Ints:
-    inside, fixed = np.ones(shape.p.shape[1], dtype=np.bool_), materials.fixed
+    inside, fixed = np.ones(shape.p.shape[1], bool), materials.fixed
     inside[shape.corners.facets[:, shape.corners.f2t[1] < 0]] = False
-    return np.flatnonzero(fixed & inside) if np.any(fixed & ~inside) else np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(fixed & inside) if np.any(fixed & ~inside) else np.zeros(0, np.int64)

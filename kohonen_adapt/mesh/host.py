@@ -79,7 +79,7 @@ def _numbered(mesh: Mesh, corners: ArrayLike) -> IntsPair:
     # nodes of facets or edges, ascending, and their indices by element
     rows = ascending(*mesh.t[np.transpose(corners)])
     key, index = np.unique(keys_of(rows, mesh.p.shape[1]), return_inverse=True)
-    one = np.empty(key.size, dtype=np.int64)
+    one = np.empty(key.size, np.int64)
     one[index.ravel()] = np.arange(index.size)  # any side of a facet, because all have the same nodes
     return np.take(rows.reshape(len(rows), -1), one, axis=1), index.reshape(rows.shape[1:])
 
@@ -133,7 +133,7 @@ def ascending(*rows: Ints) -> Ints:
 
 def elements_of(facet: Ints, count: int) -> Ints:
     side, element = facet.ravel(), np.tile(np.arange(facet.shape[1], dtype=np.int32), len(facet))
-    elements = np.empty((2, count), dtype=np.int32)
+    elements = np.empty((2, count), np.int32)
     elements[0, side[::-1]] = element[::-1]  # of several values for one index numpy keeps the last
     elements[1, side] = element
     elements[1, elements[0] == elements[1]] = -1

@@ -126,7 +126,7 @@ def with_images(
 
 def sides_of(mesh: Mesh, rows: Ints, first: int = 0) -> Sides:
     number_facets(mesh)
-    facet = np.asarray(rows, dtype=np.int64)
+    facet = np.asarray(rows, np.int64)
     meant = getattr(rows, "ori", np.zeros_like(facet))
     facet, element = np.tile(facet, 2), np.concatenate([mesh.f2t[side, facet] for side in (meant, 1 - meant)])
     facet, element = facet[element >= 0], element[element >= 0]
@@ -211,7 +211,7 @@ def along_boundary(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
     a, b = other.p[:, boundary_facets(other)].swapaxes(0, 1)
     along, middle = b - a, 0.5 * (a + b)
     length = np.hypot(*along)
-    found = np.zeros(len(nodes), dtype=bool)
+    found = np.zeros(len(nodes), bool)
     if not nodes.size:
         return found
     lists = KDTree(mesh.p[:, nodes].T).query_ball_point(middle.T, 0.5 * length)

@@ -55,7 +55,7 @@ class Locator:
         )
         grid = Grid.over(self.position, len(node) / tessellation.crowd)
         count_in_cells(self.position, node, grid)
-        self.grid = grid._replace(content=np.empty(grid.start[-1], dtype=np.int32))
+        self.grid = grid._replace(content=np.empty(grid.start[-1], np.int32))
         fill_cells(self.position, node, self.grid)
 
     def find(self, points: Floats) -> NDArray[np.int32]:
@@ -74,7 +74,7 @@ class Locator:
         return np.ravel_multi_index(tuple(inside.T), tuple(self.grid.shape))
 
     def _search(self, points: Floats) -> Ints:
-        found, origin = np.empty(len(points), dtype=np.int32), (0.0,) * points.shape[1]
+        found, origin = np.empty(len(points), np.int32), (0.0,) * points.shape[1]
 
         def task(thread: int, first: int, last: int) -> None:
             part = slice(first, last)
@@ -100,7 +100,7 @@ def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start
     If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
     outside the mesh, an element near the point is returned.
     """
-    found, inside = np.array(start, dtype=np.int32), np.empty(len(points), dtype=np.bool_)
+    found, inside = np.array(start, np.int32), np.empty(len(points), bool)
     elements, origin = tessellation.elements, (0.0,) * points.shape[1]
     if across_regions:
         elements = elements._replace(region=np.zeros_like(elements.region))
@@ -144,7 +144,7 @@ def nearest_labelled(
     nearest: Callable[[Any, Floats, Mask], Ints],
 ) -> Ints:
     # of the elements with the label of every point
-    found = np.empty(len(points), dtype=np.int64)
+    found = np.empty(len(points), np.int64)
     for number in np.unique(label):
         rows = label == number
         found[rows] = nearest(tessellation, points[rows], labels == number)
@@ -261,7 +261,7 @@ def interpolate(mesh: Mesh, values: ArrayLike, x: ArrayLike) -> Floats:
 def as_rows(x: ArrayLike, name: str = "x", dim: int = 2) -> Floats:
     if np.iscomplexobj(x):
         raise ValueError(f"{name} must be real numbers; got complex ones.")
-    points = np.asarray(x, dtype=np.float64)
+    points = np.asarray(x, np.float64)
     if points.ndim != 2 or points.shape[0] != dim:
         raise ValueError(f"{name} must have shape ({dim}, n); got {points.shape}.")
     return np.ascontiguousarray(points.T)

@@ -140,7 +140,7 @@ def hat_gradients(mesh: Mesh) -> Floats:
 
 def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:
     hats = hat_gradients(mesh) if hats is None else hats
-    return np.einsum("ik,cik->ck", np.asarray(values, dtype=float)[mesh.t], hats)
+    return np.einsum("ik,cik->ck", np.asarray(values, float)[mesh.t], hats)
 
 
 def inner_points(corners: Floats) -> Floats:

@@ -46,7 +46,7 @@ SAME = 1e-9  # maximum distance of a node from a named point, relative to the si
 
 
 def named_sets(sets: Mapping[str, ArrayLike] | None) -> dict[str, Ints]:
-    return {name: np.asarray(rows, dtype=np.int64) for name, rows in (sets or {}).items() if is_own_name(name)}
+    return {name: np.asarray(rows, np.int64) for name, rows in (sets or {}).items() if is_own_name(name)}
 
 
 def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
@@ -59,7 +59,7 @@ def named(sets: Mapping[str, Ints] | None, name: str, kind: str) -> Ints:
 
 
 def elements_in(mesh: Mesh, names: Names) -> Mask:
-    inside, text = np.zeros(mesh.nelements, dtype=bool), joined_names(names)
+    inside, text = np.zeros(mesh.nelements, bool), joined_names(names)
     for name in [names] if isinstance(names, str) else names:
         inside[named(mesh.subdomains, name, "subdomain")] = True
     if not inside.any():
@@ -113,7 +113,7 @@ def codes_of_names(members: Sequence[tuple[Ints, ArrayLike]], count: int) -> NDA
     `members` contains for each name its items and the manner in which they have the name, a small integer for each item
     or for all. Different sets would be confused only if their 64-bit sums of random numbers were equal.
     """
-    codes = np.zeros(count, dtype=np.uint64)
+    codes = np.zeros(count, np.uint64)
     rng = np.random.default_rng(20260101)
     for things, manner in members:
         keys = rng.integers(1, 2**63, size=4, dtype=np.uint64)
@@ -130,7 +130,7 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
     """
     codes = codes_of_names([(items, 0) for items in sets], count)
     _, example, combination = np.unique(codes, return_index=True, return_inverse=True)
-    within = np.array([np.isin(example, items) for items in sets], dtype=bool).reshape(len(sets), len(example))
+    within = np.array([np.isin(example, items) for items in sets], bool).reshape(len(sets), len(example))
     members = [np.flatnonzero(column) for column in within.T]
     order = sorted(range(len(members)), key=lambda number: members[number].tolist())
     return np.argsort(order)[combination], [members[number] for number in order]
@@ -150,7 +150,7 @@ def regions_of(mesh: Mesh, neighbour: Ints) -> Ints:
 
 
 def connected_components_of(count: int, pairs: Ints) -> Ints:
-    graph = coo_array((np.ones(len(pairs), dtype=np.int8), tuple(pairs.T)), shape=(count, count))
+    graph = coo_array((np.ones(len(pairs), np.int8), tuple(pairs.T)), shape=(count, count))
     return in_order(connected_components(graph, directed=False)[1])
 
 
@@ -174,7 +174,7 @@ def subdomains_of(mesh: Mesh, region_of_input: Ints, region: Ints) -> dict[str, 
 def manners_of(mesh: Mesh, rows: Ints, facet: Ints, element: Ints) -> Manners:
     # The result is 0 for facets outside the boundary `rows`, and UNORIENTED for a boundary without orientation. In an
     # oriented boundary the result is LEFT if `element` is on the oriented side, or else RIGHT.
-    manner = np.zeros(mesh.nfacets, dtype=np.int8)
+    manner = np.zeros(mesh.nfacets, np.int8)
     manner[np.asarray(rows)] = UNORIENTED
     if isinstance(rows, OrientedBoundary):
         side = np.full(len(manner), -1)
@@ -196,8 +196,8 @@ def marked_facets(mesh: Mesh, elements: Any) -> tuple[Ints, Ints, Ints, Ints, di
     boundaries = mesh.boundaries or {}
     facet = facets_opposite(mesh, elements.node) if boundaries else None
     if facet is not None:
-        named_facets = np.zeros(mesh.nfacets, dtype=bool)
-        named_facets[np.concatenate([np.asarray(rows, dtype=np.int64) for rows in boundaries.values()])] = True
+        named_facets = np.zeros(mesh.nfacets, bool)
+        named_facets[np.concatenate([np.asarray(rows, np.int64) for rows in boundaries.values()])] = True
         marked |= named_facets[facet]
     e, k = np.nonzero(marked & ((across < 0) | (across > np.arange(len(across))[:, None])))
     sides = {} if facet is None else {n: manners_of(mesh, rows, facet[e, k], e) for n, rows in boundaries.items()}

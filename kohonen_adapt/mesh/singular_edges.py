@@ -51,7 +51,7 @@ def singular_edges(mesh: MeshTet, materials: Materials) -> IntsPair:
     turn, ends = np.zeros(surface.mesh.nvertices), surface.mesh.edges
     np.maximum.at(turn, ends, np.tile(np.where(smooth, joints.turn, 0.0), (2, 1)))
     edges, around = facets_around(surface, materials, ~smooth, turn)
-    singular = np.array([is_singular(tuple(map(tuple, facets.tolist()))) for facets in around], dtype=np.bool_)
+    singular = np.array([is_singular(tuple(map(tuple, facets.tolist()))) for facets in around], bool)
     line = lines_of(surface, edges)
     found = edges[np.isin(line, line[singular])]
     return ends[:, found].astype(np.int64), corners_between(surface, found)

@@ -87,8 +87,8 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
         raise ValueError("a mesh of tetrahedra is shown in a cut: plane=ka.Plane(point, normal). Or plot_surface.")
     if not isinstance(plane, CutBy):
         raise ValueError(f"plane must be a Plane, for instance ka.Plane(point, normal); got {plane!r}.")
-    normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
-    below, above, element, height = _cut(mesh, np.asarray(plane.point, dtype=float), normal)
+    normal = np.array(plane.normal, float) / np.linalg.norm(plane.normal)
+    below, above, element, height = _cut(mesh, np.asarray(plane.point, float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0
     below, above = np.where(on, above, below), np.where(under, below, above)
     key = keys_of(np.sort(np.stack([below.ravel(), above.ravel()]), axis=0), mesh.nvertices).reshape(below.shape)
@@ -149,7 +149,7 @@ def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
     ndarray (2, 2, k)
         Coordinates in the plane, as those of `flat`, of both ends of the segments.
     """
-    normal = np.array(plane.normal, dtype=float) / np.linalg.norm(plane.normal)
+    normal = np.array(plane.normal, float) / np.linalg.norm(plane.normal)
     height = np.einsum("c,cin->in", normal, corners - np.reshape(plane.point, (3, 1, 1)))
     below, above, row = _pieces(height >= 0.0)
     low, high = height[below, row], height[above, row]

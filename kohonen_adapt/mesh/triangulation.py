@@ -22,12 +22,12 @@ class Triangulation(Tessellation[Elements, Star]):
 
     @classmethod
     def _arrays(cls, node: Ints, neighbour: Ints, region: Ints) -> Elements:
-        level, layered = np.zeros(node.max() + 1, dtype=np.int32), np.zeros(region.max() + 1, dtype=np.bool_)
+        level, layered = np.zeros(node.max() + 1, np.int32), np.zeros(region.max() + 1, bool)
         return Elements(node, neighbour, region, np.full_like(node, -1), level, layered)
 
     def _new_star(self) -> Star:
-        rows = [np.empty(self.elements.node.size, dtype=np.int32) for _ in range(3)]
-        star = Star(np.empty(self.nnodes + 1, dtype=np.int32), *rows)
+        rows = [np.empty(self.elements.node.size, np.int32) for _ in range(3)]
+        star = Star(np.empty(self.nnodes + 1, np.int32), *rows)
         self._fill(star)
         return star
 
@@ -35,7 +35,7 @@ class Triangulation(Tessellation[Elements, Star]):
         self._fill(self.star)
 
     def _fill(self, star: Star) -> None:
-        node, cursor = self.elements.node, np.empty(self.nnodes, dtype=np.int32)
+        node, cursor = self.elements.node, np.empty(self.nnodes, np.int32)
         find_starts(node, star.start)
         cuts = even_cuts(self.nnodes, LIGHT)
         shared(lambda thread, first, last: fill_star(node, star, first, last, cursor), cuts)

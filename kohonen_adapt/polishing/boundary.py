@@ -47,10 +47,10 @@ class BoundaryTerms:
 
     @property
     def on(self) -> Mask:
-        return np.any([np.zeros(len(self.dirichlet), dtype=np.bool_), *self.chains.values()], axis=0)
+        return np.any([np.zeros(len(self.dirichlet), bool), *self.chains.values()], axis=0)
 
     def nodes(self, triangulation: Triangulation) -> Mask:
-        elements, found = triangulation.elements, np.zeros(triangulation.nnodes, dtype=np.bool_)
+        elements, found = triangulation.elements, np.zeros(triangulation.nnodes, bool)
         if self.chains:
             found[np.concatenate(elements.ends(*np.nonzero(on_chains(elements.chain, self.on))))] = True
         return found
@@ -73,7 +73,7 @@ class BoundaryTerms:
     def improve(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> None:
         # All values are found by one linear solve. With nonlinear laws the matrix has secant coefficients, and the
         # step is undone if the functional rises. `offsets` holds the midside offsets, shape (m, 3, 2).
-        unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((3, 0), dtype=int), 0)
+        unknown, count = self._unknowns(triangulation, trial) if self.chains else (np.empty((3, 0), int), 0)
         if not count:
             return
         rows = np.flatnonzero(np.any(unknown >= 0, axis=0))

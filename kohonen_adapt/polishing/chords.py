@@ -85,7 +85,7 @@ class Chords:
         return cls(outline, constants, counted, dirichlet, cut_sources(triangulation, outline, constants, counted))
 
     def moving(self, triangulation: Triangulation) -> Mask:
-        constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, dtype=np.bool_)
+        constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, bool)
         slides = constraints.kind == SLIDING
         found[slides] = (self.counted & ~self.cut)[constraints.own_chain[slides]]
         return found
@@ -113,7 +113,7 @@ class Chords:
 
 
 def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, counted: Mask) -> Mask:
-    elements, found = triangulation.elements, np.zeros(len(counted), dtype=np.bool_)
+    elements, found = triangulation.elements, np.zeros(len(counted), bool)
     e, k = np.nonzero(on_chains(elements.chain, counted))
     across, source = elements.neighbour[e, k], constants[elements.region, 1]
     ends = source[e] != np.where(across >= 0, source[across], 0.0)
@@ -203,7 +203,7 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     The coefficient of nonlinear material is H / b.
     """
     e = sides.ravel()
-    node, number = triangulation.elements.node[e], np.zeros(e.size, dtype=np.int64)
+    node, number = triangulation.elements.node[e], np.zeros(e.size, np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]
     corners = triangulation.position[node]
     gx, gy = gradients(corners, np.asarray(ritz.values)[node])  # at any order from nodal values

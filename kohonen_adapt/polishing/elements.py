@@ -63,7 +63,7 @@ def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
 
 
 def without_modes(m: int) -> Modes:
-    return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), dtype=np.bool_))
+    return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), bool))
 
 
 def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:

@@ -54,8 +54,8 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     if functional.ritz.order == 1:
         is_open &= ~functional.dirichlet
     removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.periodic.partner < 0)
-    locked = np.zeros(len(mesh.elements.node), dtype=np.bool_)
-    return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, dtype=np.int32), is_open, removable, locked)
+    locked = np.zeros(len(mesh.elements.node), bool)
+    return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, np.int32), is_open, removable, locked)
 
 
 def with_spare_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:

@@ -61,7 +61,7 @@ def tabulated(laws: Sequence[EnergyLaw], largest: float) -> Tables:
 
 def _table(law: EnergyLaw, b: Floats) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):  # laws may overflow far above the solution
-        strength, energy = (np.asarray(values, dtype=float) for values in (law.field_strength(b), law.energy(b)))
+        strength, energy = (np.asarray(values, float) for values in (law.field_strength(b), law.energy(b)))
         if not strength.shape == energy.shape == b.shape:
             raise ValueError(
                 f"laws of Ritz must return arrays of the shape of b, {b.shape}; {law!r} returned {strength.shape} as "
@@ -95,7 +95,7 @@ class VariesInside(ValueError):
 
 def numbers_of_regions(ritz: Ritz, region: Int32s) -> Int64s:
     first = first_of_regions(region)
-    number = np.zeros(len(region), dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    number = np.zeros(len(region), np.int64) if ritz.region is None else np.asarray(ritz.region)
     stray = np.flatnonzero(number != number[first][region])
     if len(stray):
         e = int(stray[0])
@@ -121,7 +121,7 @@ def constants_of(ritz: Ritz, number: Int64s, dim: int = 2) -> Floats:
 def laws_of_regions(ritz: Ritz, number: Int64s, largest: float) -> tuple[Int32s, Tables]:
     """Return the table index of every region, -1 without law, and the tables."""
     distinct: list[EnergyLaw] = []
-    law = np.full(len(number), -1, dtype=np.int32)
+    law = np.full(len(number), -1, np.int32)
     for place, row in enumerate(number if ritz.laws else ()):
         found = ritz.laws[row]
         if found is not None:

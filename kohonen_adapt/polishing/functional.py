@@ -237,7 +237,7 @@ class Functional:
         return Loops(Function(mesh, trials, trial.all_modes, shapes), self.ritz.order, movable.polish_floor)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
-        law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), dtype=np.bool_)
+        law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), bool)
         nonlinear[triangulation.elements.node[law >= 0]] = True
         laws = Laws(law, self.tables.first, self.tables.energy)
         return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), nonlinear, laws)

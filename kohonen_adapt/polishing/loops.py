@@ -16,7 +16,7 @@ from kohonen_adapt.polishing.elements import min_per_thread, without_modes
 
 __all__ = ["Function", "Loops"]
 
-NO_SHAPES = Shapes(np.empty((0, 3, 2)), np.empty(0, dtype=np.bool_), False)
+NO_SHAPES = Shapes(np.empty((0, 3, 2)), np.empty(0, bool), False)
 
 
 class Function(NamedTuple):

@@ -193,7 +193,7 @@ class Gathered(NamedTuple):
         node, times = self.nodes(movable), self.signs(couples)
         position = self.positions(movable, couples).reshape(-1, 2)[found]
         rows = np.ravel(node)[found]
-        start = np.full(len(rows) + 1, len(node), dtype=np.int32)
+        start = np.full(len(rows) + 1, len(node), np.int32)
         start[: count + 1] = np.searchsorted(self.owner, np.arange(count + 1))
         ends = number.astype(np.int32)
         star = Star(start, np.arange(len(node), dtype=np.int32), *np.ascontiguousarray(ends[:, 1:].T))
@@ -213,7 +213,7 @@ class Gathered(NamedTuple):
     ) -> Trial:
         laws, nonlinear = (
             trial.laws._replace(number=trial.laws.number[self.element]),
-            np.zeros(len(found), dtype=np.bool_),
+            np.zeros(len(found), bool),
         )
         nonlinear[ends[laws.number >= 0]] = True
         values = trial.value

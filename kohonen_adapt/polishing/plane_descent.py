@@ -145,7 +145,7 @@ def sweep(
     loops = functional.loops(movable, trial._replace(fixed=trial.fixed | excluded), mesh)
     order = along_curve(movable.triangulation.position).astype(np.int32)
     parts = max(1, len(order) // (PART // UNKNOWNS[functional.ritz.order - 1]))
-    part, interior = parts_along(order, len(order), parts), np.empty(len(order), dtype=np.bool_)
+    part, interior = parts_along(order, len(order), parts), np.empty(len(order), bool)
     if swap_first:
         gain += flip_downhill(movable, loops)
         if functional.varies:  # flipped elements have no sample of their own
@@ -164,7 +164,7 @@ def sweep(
 def flip_downhill(movable: MovableMesh, loops: Loops) -> float:
     if not movable.flips:
         return 0.0
-    gainful = np.empty(len(movable.triangulation.elements.node), dtype=np.bool_)
+    gainful = np.empty(len(movable.triangulation.elements.node), bool)
     cuts = even_cuts(len(gainful), loops.few)
     shared(lambda thread, first, last: loops.descend_flips(thread, first, last, gainful, True), cuts)
     gain, flips = loops.descend_flips(0, 0, len(gainful), gainful, False)

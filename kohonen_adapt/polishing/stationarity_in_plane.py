@@ -41,7 +41,7 @@ def check_in_plane(
     turn = np.ones(coefficients.shape)
     turn[6:9] = np.where(node[:, AFTER] < node[:, BEFORE], 1.0, -1.0).T[: max(0, min(3, len(turn) - 6))]
     total, size = sums(parts._replace(total=turn * parts.total), index, len(place))
-    free, paired = np.ones(len(place), dtype=np.bool_), movable.constraints.chains.paired
+    free, paired = np.ones(len(place), bool), movable.constraints.chains.paired
     free[: len(values)] = ~solution.fixed & (movable.constraints.periodic.partner < 0)
     if solution.modes is not None:
         e, k = np.nonzero(solution.modes.dirichlet | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))

@@ -133,7 +133,7 @@ def variation(values_at: Callable[[Floats, slice], Floats], corners: Floats, rul
     rules = [fine, rule, Rule(share[None], np.ones(1))]
     if len(corners) == 2:  # in space the corners are too far away
         rules.append(Rule(corner, share))
-    found = Variation(np.empty(count, dtype=np.bool_), *np.empty((4, count)))
+    found = Variation(np.empty(count, bool), *np.empty((4, count)))
     for first in range(0, count, ROWS):
         rows = slice(first, first + ROWS)
         values = [values_at(np.einsum("qk,dkm->dqm", each.points, corners[:, :, rows]), rows) for each in rules]

@@ -161,7 +161,7 @@ def nodal_terms(surface: SurfaceTerms | None) -> Floats:
 
 
 def reduced_regions(surface: SurfaceTerms | None, number: Ints) -> Mask:
-    return np.zeros(np.shape(number), dtype=np.bool_) if surface is None else np.asarray(surface.reduced)[number]
+    return np.zeros(np.shape(number), bool) if surface is None else np.asarray(surface.reduced)[number]
 
 
 def corner_values(values: Floats, nodal: Floats, node: Ints, reduced: Mask) -> Floats:

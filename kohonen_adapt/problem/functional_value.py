@@ -126,7 +126,7 @@ def functions_on(
 
 def has_law(ritz: Ritz, number: Ints) -> Mask:
     if not ritz.laws:
-        return np.zeros(np.shape(number), dtype=np.bool_)
+        return np.zeros(np.shape(number), bool)
     return np.array([law is not None for law in ritz.laws])[number]
 
 

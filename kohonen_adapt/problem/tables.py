@@ -144,7 +144,7 @@ def check_axis(values: Floats, fixed: Mask, mesh: MeshTri) -> None:
 
 
 def numbers_of(ritz: Any, mesh: Mesh) -> Ints:  # region numbers of elements
-    return np.zeros(mesh.nelements, dtype=np.int64) if ritz.region is None else np.asarray(ritz.region)
+    return np.zeros(mesh.nelements, np.int64) if ritz.region is None else np.asarray(ritz.region)
 
 
 def constants_at(table: Any, region: Ints | int, *shape: int) -> Floats:
@@ -152,7 +152,7 @@ def constants_at(table: Any, region: Ints | int, *shape: int) -> Floats:
 
     The table has one column per region, or one value for all.
     """
-    array, points = np.asarray(table, dtype=float), np.shape(region)
+    array, points = np.asarray(table, float), np.shape(region)
     found = array[..., region] if array.ndim > len(shape) else array[(..., *(None for _ in points))]
     return np.broadcast_to(found, (*shape, *points))
 

@@ -68,7 +68,7 @@ def highest_derivatives(mesh: Mesh, region: Ints, values: Floats, order: int) ->
 
 def derivatives_at_sites(points: Floats, sites: Sites, values: Floats, degree: int) -> tuple[Floats, Mask]:
     count, dim = points.shape
-    tensors, found = np.zeros((count, *[dim] * (degree - 1))), np.zeros(count, dtype=np.bool_)
+    tensors, found = np.zeros((count, *[dim] * (degree - 1))), np.zeros(count, bool)
     neighbours = patch = neighbours_of_sites(sites)
     for _ in range(MOST_RINGS):
         missing = np.flatnonzero(~found)
@@ -85,7 +85,7 @@ def derivatives_at_sites(points: Floats, sites: Sites, values: Floats, degree: i
 def neighbours_of_sites(sites: Sites) -> csr_array:
     corner, count = sites.corner, len(sites.node)
     row, column = np.repeat(corner, len(corner), axis=0).ravel(), np.tile(corner, (len(corner), 1)).ravel()
-    return csr_array((np.ones(row.size, dtype=np.float32), (row, column)), shape=(count, count))
+    return csr_array((np.ones(row.size, np.float32), (row, column)), shape=(count, count))
 
 
 def batches(patch: csr_array, unknowns: int) -> Iterator[IntsPair]:

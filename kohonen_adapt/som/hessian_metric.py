@@ -151,8 +151,8 @@ def edges_of(mesh: Mesh) -> Floats:
 
 def mean_edges(mesh: Mesh, edges: Floats) -> Floats:
     # No mesh follows the shape of every element. Means scale with the mesh.
-    whole = np.zeros(len(edges), dtype=np.int64)
-    return with_unit_determinant(means_around(mesh, whole, edges, np.ones(len(edges), dtype=np.bool_)))
+    whole = np.zeros(len(edges), np.int64)
+    return with_unit_determinant(means_around(mesh, whole, edges, np.ones(len(edges), bool)))
 
 
 def with_unit_determinant(tensors: Floats) -> Floats:

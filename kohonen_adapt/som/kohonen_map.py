@@ -206,7 +206,7 @@ class KohonenMap:
         rows = as_rows(points, "points", self._trainer.method.cell.dim)
         if len(rows) == 0:
             raise ValueError("points must hold at least one training point; got none.")
-        weight = np.ones(len(rows)) if weights is None else np.array(weights, dtype=np.float64)
+        weight = np.ones(len(rows)) if weights is None else np.array(weights, np.float64)
         if weight.shape != (len(rows),):
             raise ValueError(f"weights must have shape (n,) = ({len(rows)},); got {weight.shape}.")
         bad = np.flatnonzero(~(np.isfinite(weight) & (weight >= 0)))

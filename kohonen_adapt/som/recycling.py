@@ -140,11 +140,11 @@ def starts_of(before: Triangulation, recycled: Recycled) -> Ints:
     """Return a present node near every element of the mesh before, (m,)."""
     if not recycled.splits and not recycled.collapses:
         return before.elements.node[:, 0]
-    now = np.full(before.nnodes, -1, dtype=np.int32)
+    now = np.full(before.nnodes, -1, np.int32)
     survivors = np.flatnonzero(recycled.old >= 0)
     now[recycled.old[survivors]] = survivors
     starts = now[before.elements.node].max(axis=1)
-    spread_starts(before.elements, starts, np.empty(len(starts), dtype=np.int32))
+    spread_starts(before.elements, starts, np.empty(len(starts), np.int32))
     return starts
 
 

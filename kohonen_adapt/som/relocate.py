@@ -160,7 +160,7 @@ def move_in_space(
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
-    refused = np.zeros(2, dtype=np.int64)
+    refused = np.zeros(2, np.int64)
     wanted = density_of(before.tetrahedralization, density)
     movable.measure_by(wanted.nodal_shapes())
     if schedule is None or not schedule.trains:
@@ -177,7 +177,7 @@ def move_in_space(
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
     middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
     node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
-    starts = np.empty(len(middle), dtype=np.int32)
+    starts = np.empty(len(middle), np.int32)
     for number in range(int(old.max()) + 1):
         nodes = np.unique(node[region == number])
         nearest = cKDTree(now.tetrahedralization.position[nodes]).query(middle[old == number])[1]
@@ -250,7 +250,7 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
 
 
 def smooth(opened: OpenSolid, density: Density, sweeps: int, movable: MovableSolid) -> Ints:
-    parts, refused = opened.parts(), np.zeros(2, dtype=np.int64)
+    parts, refused = opened.parts(), np.zeros(2, np.int64)
     for _ in range(sweeps):
         refused += sweep(opened, parts, weights(opened, density), cubed(movable.floor))
         if movable.flips:
@@ -270,7 +270,7 @@ def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints
     mesh, star = opened.mesh, opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE, mesh.metric)
     neurons = KernelMesh(mesh.position, mesh.elements, star, constraints)
-    refused = np.zeros((number_of_threads(), 2), dtype=np.int64)
+    refused = np.zeros((number_of_threads(), 2), np.int64)
 
     def task(thread: int, nodes: Nodes) -> float:
         refused[thread] += smooth_nodes(neurons, weight, floor, nodes)

@@ -38,7 +38,7 @@ class Moved(Generic[Movable]):
     recycled: Recycled
     quantization_errors: tuple[float, ...]
     why_still: str
-    refused: Ints = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
+    refused: Ints = field(default_factory=lambda: np.zeros(2, np.int64))
     held_in_polish: int = 0
     polish_gain: float = 0.0
 

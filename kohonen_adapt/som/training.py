@@ -74,7 +74,7 @@ class Trainer:
         order = along_curve(neurons.position).astype(np.int32)
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
-        method, refused = map_method_of(neurons.position.shape[1]), np.zeros(2, dtype=np.int64)
+        method, refused = map_method_of(neurons.position.shape[1]), np.zeros(2, np.int64)
         return cls(movable, method, order, rank, neurons, scratch_for(neurons), refused)
 
     def learn(
@@ -160,7 +160,7 @@ class Trainer:
         return self.order[np.argsort(region[self.order], kind="stable")]
 
     def _valid_stars(self) -> Mask:
-        is_valid = np.empty(self.movable.nnodes, dtype=np.bool_)
+        is_valid = np.empty(self.movable.nnodes, bool)
         arrays = self.neurons.position, self.neurons.star, self.movable.floor
         cuts = even_cuts(len(is_valid), FEW)
         shared(lambda thread, first, last: self.method.mark_valid(*arrays, first, last, is_valid), cuts)
@@ -181,7 +181,7 @@ class Trainer:
 
     def _interior_nodes(self, parts: int, rings: int) -> Mask:
         """Return the mask (n,) of nodes with all nodes within `rings` in their own part."""
-        interior = np.empty(self.movable.nnodes, dtype=np.bool_)
+        interior = np.empty(self.movable.nnodes, bool)
         part = (self.rank.astype(np.int64) * parts // len(interior)).astype(np.int32)
         if isinstance(self.movable, MovableMesh):
             paired = np.flatnonzero(self.movable.constraints.periodic.partner >= 0)
@@ -191,7 +191,7 @@ class Trainer:
         return interior
 
     def search(self, batch: Draw, start_nodes: Ints) -> tuple[Ints, Floats]:
-        found, distances = np.empty(len(start_nodes), dtype=np.int32), np.empty(len(start_nodes))
+        found, distances = np.empty(len(start_nodes), np.int32), np.empty(len(start_nodes))
         shape = round_shapes(*batch.points.shape) if batch.shape is None else batch.shape
 
         def task(thread: int, first: int, last: int) -> None:
@@ -221,7 +221,7 @@ class Trainer:
     def _by_parts(self, winners: Ints, radius: int, parts: int, interior: Mask, rng: np.random.Generator) -> IntsPair:
         n = len(interior)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
-        cuts, order = np.empty(2 * tiles + 1, dtype=np.int64), np.empty(len(winners), dtype=np.int32)
+        cuts, order = np.empty(2 * tiles + 1, np.int64), np.empty(len(winners), np.int32)
         sort_into_tiles(winners, self.rank, interior, n, tiles, cuts, order)
         shuffle(cuts, order, rng)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
@@ -230,7 +230,7 @@ class Trainer:
         floor, strength = self.movable.floor, stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
-            part, ends = slice(first, last), np.empty(stage.radius + 2, dtype=np.int64)
+            part, ends = slice(first, last), np.empty(stage.radius + 2, np.int64)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
             lesson = Lesson(*shown, strength, ends)
             return self.method.learn(self.neurons, lesson, rate, floor, is_valid, self.scratch[thread])

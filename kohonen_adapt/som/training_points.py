@@ -156,7 +156,7 @@ class ElementDensity(Density):
 
     def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
         dim = self.method.cell.dim
-        points, element = np.empty((number, dim)), np.empty(number, dtype=np.int32)
+        points, element = np.empty((number, dim)), np.empty(number, np.int32)
         arrays = self.position, self.elements.node, self._order, self._cumulated, rng.random((number, dim + 1))
         draw_points(*arrays, points, element)
         return points, element

@@ -274,9 +274,9 @@ class Step(NamedTuple):
         return cls(
             np.empty((n, 2)),
             constraints.parameter.copy(),
-            np.empty(m, dtype=np.bool_),
-            np.empty(n, dtype=np.int32),
-            np.empty(max(n, m), dtype=np.int32),
+            np.empty(m, bool),
+            np.empty(n, np.int32),
+            np.empty(max(n, m), np.int32),
         )
 
 
@@ -287,7 +287,7 @@ def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     count = np.bincount(region)
     clusters = np.maximum(1, np.round(count / CLUSTER).astype(np.int64))
     along = region[order]
-    cluster = np.empty(len(order), dtype=np.int32)
+    cluster = np.empty(len(order), np.int32)
     cluster[order] = (np.cumsum(clusters) - clusters)[along] + counted(count) * clusters[along] // count[along]
     return cluster
 

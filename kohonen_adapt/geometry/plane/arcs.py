@@ -101,7 +101,7 @@ def naming(names: list[str], group: str) -> tuple[str, str, str]:
 def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
     triangulation, outline = movable.triangulation, movable.outline
     facets, position = constrained_facets(triangulation.mesh, triangulation.elements), triangulation.position
-    joints = joints_of(facets, position, np.ones(len(facets.element), dtype=bool))
+    joints = joints_of(facets, position, np.ones(len(facets.element), bool))
     chain = triangulation.elements.chain[facets.element, facets.corner]
     alone = np.bincount(chain, minlength=len(outline.straight)) == 1
     single = (alone & (outline.constraints.chains.shape == STRAIGHT) & (outline.curve_index < 0))[chain]

@@ -42,7 +42,7 @@ def with_corner_layers(
         finer = with_halved_sides(mesh, shape, error.elements, periodic) if halvings else None
         if finer is None:
             raise
-    more = np.append(singular, np.zeros(finer.nvertices - singular.size, dtype=np.bool_))
+    more = np.append(singular, np.zeros(finer.nvertices - singular.size, bool))
     return with_corner_layers(finer, more, layers, factor, periodic, curves, halvings - 1)
 
 
@@ -53,7 +53,7 @@ def made_of(pieces: Pieces, mesh: MeshTri, shape: Blended) -> MeshTri:
 
 def with_halved_sides(mesh: MeshTri, shape: Blended, elements: Ints, periodic: Sequence[Pair]) -> MeshTri | None:
     # with halves of the curved sides of elements, or None if these would be inverted
-    marked = np.zeros(shape.corners.facets.shape[1], dtype=np.bool_)
+    marked = np.zeros(shape.corners.facets.shape[1], bool)
     marked[shape.corners.t2f[:, elements]] = True
     marked = with_image_sides(marked & shape.side_offset.any(axis=0), shape.corners, periodic)
     whole = Pieces.of(shape.t)

@@ -135,7 +135,7 @@ class Arc:
 
 
 def projected(curve: Curve, points: Floats, name: str) -> Floats:
-    found = np.asarray(curve.project(points.T.copy()), dtype=np.float64)
+    found = np.asarray(curve.project(points.T.copy()), np.float64)
     wrong = np.sum(~np.isfinite(found))
     if found.shape != points.shape[::-1] or wrong:
         raise ValueError(

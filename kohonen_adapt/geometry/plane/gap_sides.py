@@ -127,7 +127,7 @@ def sides_of(seen: csr_array, ends: Ints, count: int) -> Ints:
     of a gap.
     """
     side, weight = facing(seen, adjacent_segments(ends), count)
-    group, accepted = side // 2, np.zeros(count, dtype=bool)
+    group, accepted = side // 2, np.zeros(count, bool)
     weights = np.bincount(group, weight, count)
     for number in np.argsort(-weights, kind="stable")[: np.count_nonzero(weights)]:
         more = accepted | (group == number)

@@ -39,7 +39,7 @@ def set_levels(triangulation: Triangulation, constraints: Constraints, layers: M
 
 
 def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
-    inside = np.zeros(len(elements.layered), dtype=bool)
+    inside = np.zeros(len(elements.layered), bool)
     inside[regions] = True
     e, k = np.nonzero(elements.neighbour >= 0)
     pairs = elements.region[np.stack([e, elements.neighbour[e, k]], axis=1)]
@@ -50,7 +50,7 @@ def parts_of(elements: Elements, regions: Ints) -> Iterator[Mask]:
 
 def bands_with(triangulation: Triangulation, constraints: Constraints, wanted: Mapping[str, int]) -> Iterator[Band]:
     for name, number in wanted.items():
-        rows = np.asarray(triangulation.mesh.subdomains[name], dtype=np.int64)
+        rows = np.asarray(triangulation.mesh.subdomains[name], np.int64)
         if not len(rows):
             raise ValueError(f"subdomain {name!r} has no elements, so it can have no layers; leave it out.")
         for inside in parts_of(triangulation.elements, triangulation.region_of_input[rows]):
@@ -137,7 +137,7 @@ def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
                     waiting.append(b)
     if any(abs(found[label[2 * i]] - found[label[2 * i + 1]]) != band.number for i, band in enumerate(bands)):
         raise contradiction(bands)
-    level, on_side = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
+    level, on_side = np.zeros(count, np.int64), np.zeros(count, bool)
     for i, side in enumerate(sides):
         level[side], on_side[side] = found[label[i]], True
     return level, on_side

@@ -95,7 +95,7 @@ def limit_factors(
     if not np.any(jacobian_coefficients(corners, offsets).min(axis=1) < fraction * doubled):
         return np.ones(offsets.shape[:2])
     side = np.unique(side_indices(triangulation, constraints, rows), return_inverse=True)[1].reshape(-1, 3)
-    factor, limited = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), dtype=bool)
+    factor, limited = np.ones(side.max(initial=0) + 1), np.zeros(len(rows), bool)
     enough = sufficient_factors(corners, offsets, doubled, fraction)
     while True:
         least = jacobian_coefficients(corners, factor[side][:, :, None] * offsets).min(axis=1)

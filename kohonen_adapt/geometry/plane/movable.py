@@ -150,7 +150,7 @@ class MovableMesh(Movable):
         if not self.flips:
             return 0
         tri, m = self.triangulation, len(self.triangulation.elements.node)
-        doubtful, stack, waiting = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.int32), np.zeros(m, dtype=np.bool_)
+        doubtful, stack, waiting = np.empty(m, bool), np.empty(m, np.int32), np.zeros(m, bool)
 
         def mark(thread: int, first: int, last: int) -> None:
             mark_non_delaunay(tri.position, tri.elements, self.shape, first, last, doubtful)

@@ -97,7 +97,7 @@ class Outline:
         pairs = find_pairs(triangulation, facets, rules.periodic)
         found = segmented(triangulation, facets, pairs, pinned, curves, offset)
         polylines, segments = found.polylines, found.segments
-        chain = np.empty(len(facets.element), dtype=np.int32)
+        chain = np.empty(len(facets.element), np.int32)
         chain[polylines.facet[segments.slots]] = segments.of_slot
         write_on_both_sides(elements.chain, elements.neighbour, facets.element, facets.corner, chain)
         occupied = pinned.copy()
@@ -204,7 +204,7 @@ def segmented(
     while True:
         polylines, segments = cut_into_segments(position, trace_facets(facets, joints, stops), curve, curves, circle)
         segments = with_arcs_across_junctions(polylines, segments, circle)
-        sliding = np.zeros(triangulation.nnodes, dtype=bool)
+        sliding = np.zeros(triangulation.nnodes, bool)
         sliding[polylines.node[segments.slots]] = True
         sliding[polylines.node[np.stack([segments.first, segments.last])[:, ~segments.closed]]] = False
         unmatched = paired[sliding[paired] & ~sliding[pairs.partner[paired]]]
@@ -215,7 +215,7 @@ def segmented(
 
 def periodic_pairs_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> PeriodicPairs:
     region = triangulation.elements.region
-    there = np.full((len(pairs.motions), region.max() + 1), -1, dtype=np.int32)
+    there = np.full((len(pairs.motions), region.max() + 1), -1, np.int32)
     rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.continues, False)[pairs.facet_motion])
     there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
     return PeriodicPairs(pairs.partner, pairs.motion, pairs.motions, there)
@@ -231,7 +231,7 @@ def match_pairs(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:
 
 
 def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> Int8s:
-    kind = np.full(len(sliding), FREE, dtype=np.int8)
+    kind = np.full(len(sliding), FREE, np.int8)
     kind[facets.nodes] = HELD
     kind[pinned] = HELD
     kind[sliding] = SLIDING
@@ -247,7 +247,7 @@ def chains_of_nodes(
     JUNCTION if `junctions`. Nodes of the mask `occupied`, shape (n,), hold -1, because no other node may take over
     their corner: pinned nodes, and nodes of periodic boundaries that do not slide.
     """
-    chains = np.full((len(sliding), 2), -1, dtype=np.int32)
+    chains = np.full((len(sliding), 2), -1, np.int32)
     chains[joints.node] = chain[joints.facets]
     if junctions:
         chains[np.bincount(facets.nodes.ravel(), minlength=len(chains)) == 3, OWN] = JUNCTION
@@ -258,7 +258,7 @@ def chains_of_nodes(
 
 def inner_nodes(triangulation: Triangulation) -> Mask:
     elements = triangulation.elements
-    inner = np.ones(triangulation.nnodes, dtype=bool)
+    inner = np.ones(triangulation.nnodes, bool)
     e, k = np.nonzero(np.append(elements.region, np.int32(-1))[elements.neighbour] != elements.region[:, None])
     inner[np.concatenate(elements.ends(e, k))] = False
     return inner

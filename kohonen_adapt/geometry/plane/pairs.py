@@ -210,7 +210,7 @@ def match_by(sides: Sides, motion: Floats) -> Match:
 
 def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
     count = sides.position.shape[1]
-    image = np.full(count, -1, dtype=np.int64)
+    image = np.full(count, -1, np.int64)
     image[nodes] = images
     first, second = image[sides.facets[0].T], sides.facets[1].T
     against, along = (np.isin(keys_of(ends, count), keys_of(second, count)) for ends in (first[::-1], first))
@@ -242,7 +242,7 @@ class Pairs(NamedTuple):
 
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
     n = triangulation.nnodes
-    partner, motion = np.full(n, -1, dtype=np.int32), np.full(n, -1, dtype=np.int32)
+    partner, motion = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
     facet_motion, motions, continues = np.full(len(facets.element), -1), list[Floats](), list[bool]()
     for one, other, named in checked_pairs(triangulation.mesh, periodic):
         match = match_of(triangulation, facets, one, other, named)

@@ -143,13 +143,13 @@ def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -
     flat, number = edges.ravel(), np.arange(edges.size)
     order = np.argsort(flat, kind="stable")
     order = order[~stops[flat[order]]]
-    found, shift = [np.empty((0, 2), dtype=np.int64)], 1
+    found, shift = [np.empty((0, 2), np.int64)], 1
     while shift < len(order) and np.any(same := flat[order[shift:]] == flat[order[:-shift]]):
         found.append(np.stack([order[:-shift][same], order[shift:][same]], axis=1))
         shift += 1
     pairs = np.concatenate(found)
     turn = turns_at(pairs, position[edges[:, ::-1]] - position[edges])
-    free = np.ones(len(flat), dtype=bool)
+    free = np.ones(len(flat), bool)
     for one, other in pairs[np.argsort(turn, kind="stable")][: np.sum(turn < sharpest)].tolist():
         if free[one] and free[other]:
             free[[one, other]], number[other] = False, one
@@ -188,7 +188,7 @@ def trace_polylines(ends: Ints, node: Ints, edges: Ints, smooth: Mask) -> Polyli
     Direction 2 f + s of edge f starts at its end s. Among the starts of a loop and the two directions of an open
     polyline, the lowest number is chosen.
     """
-    through = np.full((int(ends.max(initial=-1)) + 1, 2), -1, dtype=np.int32)
+    through = np.full((int(ends.max(initial=-1)) + 1, 2), -1, np.int32)
     through[node[smooth]] = edges[smooth]
     begin, end = ends.ravel(), ends[:, ::-1].ravel()
     direction, is_end = np.arange(len(begin)), through[begin, 0] < 0
@@ -234,7 +234,7 @@ def cut_into_segments(
             node[end - 1] = node[begin]
         parts += [part._replace(first=begin + part.first, last=begin + part.last) for part in own]
     rows = [(part.first, part.last, part.closed) for part in parts]
-    first, last, is_closed = np.array(rows, dtype=np.int64).reshape(-1, 3).T
+    first, last, is_closed = np.array(rows, np.int64).reshape(-1, 3).T
     circle, widest = circles_of(parts), np.full(len(parts), np.nan)
     segments = Segments(first, last, is_closed == 1, circle, curve[facet[first]], widest)
     on_arc = segments.curve == BY_MIDSIDES

@@ -134,7 +134,7 @@ def with_coarse_arcs(z: Points, node: Ints, segments: Segments, others: Floats) 
 
 def joined_segments(segments: Segments, arcs: Iterable[tuple[int, int, Floats]]) -> Segments:
     # An arc is the indices of its first and last segment, with centre, radius and `widest`.
-    remaining, joined = np.ones(len(segments.first), dtype=bool), Segments._make(array.copy() for array in segments)
+    remaining, joined = np.ones(len(segments.first), bool), Segments._make(array.copy() for array in segments)
     for first, last, arc in arcs:
         joined.last[first], joined.circle[first], joined.widest[first] = segments.last[last], arc[:3], arc[3]
         remaining[first + 1 : last + 1] = False
@@ -192,7 +192,7 @@ def with_whole_arcs(z: Points, polylines: Polylines, segments: Segments, junctio
 def trace_across_junctions(nodes: Ints, position: Floats, stops: Mask, sharpest: float) -> Polylines:
     ends, node = continuations(nodes, position, stops, sharpest)
     joint, end = joined_ends(ends, len(node))
-    polylines = trace_polylines(ends, joint, end // 2, np.ones(len(joint), dtype=bool))
+    polylines = trace_polylines(ends, joint, end // 2, np.ones(len(joint), bool))
     return polylines._replace(node=node[polylines.node].astype(np.int32))
 
 

@@ -126,7 +126,7 @@ class Spline:
         """
         if not (type(mesh) is MeshTri1 or is_second_order(mesh)):
             raise ValueError(f"mesh must be a skfem.MeshTri or MeshTri2; got {type(mesh).__name__}.")
-        facets = np.unique(np.asarray(named(mesh.boundaries, name, "boundary"), dtype=np.int64))
+        facets = np.unique(np.asarray(named(mesh.boundaries, name, "boundary"), np.int64))
         if len(facets) == 0:
             raise ValueError(f"boundary {name!r} has no facets, so there is no curve through their nodes.")
         number_facets(mesh)
@@ -253,7 +253,7 @@ def _nearest(samples: Samples, x: Floats) -> Floats:
 
 def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
-    converged = np.zeros(len(at), dtype=bool)
+    converged = np.zeros(len(at), bool)
     for _ in range(STEPS):
         offset, tangent, second_derivative = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
         rate, change = np.sum(offset * tangent, axis=1), np.sum(tangent**2 + offset * second_derivative, axis=1)

@@ -85,13 +85,13 @@ class Surgery:
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
         state = movable.padded_state(rows, spare, UNUSED)
         anchor = padded(unchanged(movable.triangulation).start_element, rows, -1)
-        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m], dtype=np.int64))
+        pool = Pool(anchor, free_rows(n, rows), free_rows(m, spare), np.array([rows - n, spare - m], np.int64))
         origins = Origins(
             padded(density, rows, 1.0),
             padded(done.old, rows, -1),
             padded(done.start_element, rows, -1),
             state["pinned"],
-            np.zeros(rows, dtype=np.bool_),
+            np.zeros(rows, bool),
             padded(on_boundary > 2, rows, False),
             padded(longest_merged(movable), rows, np.inf),
         )
@@ -138,7 +138,7 @@ def with_thin_layers(mesh: MeshTri, rules: Rules, grows: bool = False) -> MeshTr
 
 
 def edges_to_split(movable: MovableMesh, wanted: dict[str, int]) -> Ints:
-    found = [np.empty((0, 2), dtype=np.int64)]
+    found = [np.empty((0, 2), np.int64)]
     for band in bands_with(movable.triangulation, movable.constraints, wanted):
         from_one, from_other = (steps_from(band, side, movable.nnodes) for side in (0, 1))
         a, b = np.concatenate([band.pairs, band.pairs[:, ::-1]]).T

@@ -90,7 +90,7 @@ def ranks(p: Floats, key: Ints, rng: np.random.Generator) -> Ints:
     # The order of equal lengths is random: along a row of equal edges many can be halved in one step.
     one, other = np.divmod(key, NODES)
     length = np.round(CLASSES * np.log2(magnitude(p[:, one] - p[:, other])))
-    rank = np.empty(key.size, dtype=np.int64)
+    rank = np.empty(key.size, np.int64)
     rank[np.lexsort((rng.permutation(key.size), length))] = np.arange(key.size)
     return rank
 

@@ -229,9 +229,9 @@ def metric_of(shape: Floats, relief: float) -> Metric:
 def inner_nodes(tet: Tetrahedralization) -> Mask:
     used = tet.used
     node, region = tet.elements.node[used], tet.elements.region[used]
-    one = np.full(tet.nnodes, -1, dtype=np.int32)
+    one = np.full(tet.nnodes, -1, np.int32)
     one[node] = region[:, None]
-    inner = np.ones(tet.nnodes, dtype=np.bool_)
+    inner = np.ones(tet.nnodes, bool)
     inner[node[one[node] != region[:, None]]] = False
     return inner
 

@@ -72,12 +72,12 @@ class OpenSolid:
         first = star.element[star.start[:-1]]
         fineness = padded(np.cbrt(density / density.max()), rows, 1.0)
         numbers, start_element = padded(np.arange(n, dtype=np.int32), rows, -1), padded(first, rows, -1)
-        sagitta, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, dtype=np.bool_)
+        sagitta, non_manifold = np.zeros(len(movable.surfaces.shape)), np.zeros(rows, bool)
         used = np.count_nonzero(node[:, 0] >= 0)
         empty = np.append(np.flatnonzero(node[:, 0] < 0)[::-1], free_rows(len(node), capacity)[: capacity - len(node)])
-        stack = np.empty(capacity, dtype=np.int32)
+        stack = np.empty(capacity, np.int32)
         stack[: capacity - used] = np.sort(empty)[::-1]
-        height = np.array([rows - n, capacity - used], dtype=np.int64)
+        height = np.array([rows - n, capacity - used], np.int64)
         state["shape"][n:] = round_shapes(rows - n, 3)
         position, elements, freedom = records_of(state)
         metric = metric_of(state["shape"], movable.relief if relief is None else relief)

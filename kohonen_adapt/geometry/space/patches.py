@@ -169,7 +169,7 @@ class Sheet(NamedTuple):
 
 def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
     node, patch = unique_pairs(nodes.ravel(), np.repeat(patches.of_face, 3))
-    bound = np.zeros(len(position), dtype=bool)
+    bound = np.zeros(len(position), bool)
     bound[node[patches.moves[patch]]] = True
     node, patch = node[bound[node]], patch[bound[node]]
     rows = grouped(counted(np.bincount(node, minlength=1)))

@@ -128,7 +128,7 @@ def midpoints_of_edges(corners: Floats) -> Floats:
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
-    start, samples = np.zeros(len(patches.shape) + 1, dtype=np.int32), []
+    start, samples = np.zeros(len(patches.shape) + 1, np.int32), []
     for p in np.flatnonzero(patches.shape == PROJECTED).tolist():
         own = np.flatnonzero(patches.of_face == p)
         corners, out = position[faces.nodes[own]], out_of(faces, patches, own, position)
@@ -185,7 +185,7 @@ def in_tree(point: Floats) -> Ints:
     """Return the indices of points in the order of a complete tree, some repeated."""
     depth = len(point).bit_length()
     rows = np.minimum(np.arange(2**depth - 1), len(point) - 1)
-    tree = np.empty(0, dtype=np.int64)
+    tree = np.empty(0, np.int64)
     for level in range(depth):
         block = rows.reshape(2**level, -1)
         block = np.take_along_axis(block, np.argsort(point[block, level % 3], axis=1, kind="stable"), axis=1)

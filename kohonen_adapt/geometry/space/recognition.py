@@ -76,7 +76,7 @@ def planes_of(faces: Faces, patch: Ints, first: Ints, position: Floats) -> Shape
     across *= np.sign(np.einsum("ij,ij->i", across, reference[patch]))[:, None]
     total = np.stack([np.bincount(patch, weights=column) for column in across.T], axis=1)
     axis = total / np.linalg.norm(total, axis=1, keepdims=True)
-    shape = np.full(len(first), PLANE, dtype=np.int8)
+    shape = np.full(len(first), PLANE, np.int8)
     return Shapes(shape, position[faces.nodes[first, 0]], axis, np.zeros(len(first)))
 
 
@@ -144,12 +144,12 @@ class Skin:
 
         A proper plane has a node around which all faces are coplanar. The plane strips of a cylinder have none.
         """
-        among = np.zeros(len(self.nodes), dtype=bool)
+        among = np.zeros(len(self.nodes), bool)
         among[faces] = True
-        turning = np.zeros(len(self.position), dtype=bool)
+        turning = np.zeros(len(self.position), bool)
         turning[self.ends[among[self.pairs].all(axis=1) & (self.turn > TURN)]] = True
         calm = among & ~turning[self.nodes].all(axis=1)
-        proper = np.zeros(self.plane.max() + 1, dtype=bool)
+        proper = np.zeros(self.plane.max() + 1, bool)
         proper[self.plane[calm]] = True
         return among & proper[self.plane]
 
@@ -214,7 +214,7 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     number[part] = np.arange(len(part))
     own = number[skin.pairs]
     local = replace(skin, nodes=skin.nodes[part], pairs=own[(own >= 0).all(axis=1)])
-    free, untried, found = *np.ones((2, len(part)), dtype=bool), []
+    free, untried, found = *np.ones((2, len(part)), bool), []
     for _ in range(TRIES):
         seeds = np.flatnonzero(free & untried)
         if not len(seeds):
@@ -231,7 +231,7 @@ def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
 def grown_from(skin: Skin, seed: int, free: Mask) -> tuple[Ints, Round | None]:
     pairs = skin.pairs[free[skin.pairs].all(axis=1)]
     one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    graph = csr_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(len(free), len(free)))
+    graph = csr_array((np.ones(len(one), np.int8), (one, other)), shape=(len(free), len(free)))
     order = breadth_first_order(graph, seed, directed=False, return_predecessors=False)
     on, each = order, None
     for count in SEEDS:

@@ -70,7 +70,7 @@ def meeting_patches(edges: Edges, patches: Patches) -> tuple[Int32s, Mask, Mask]
     row, patch = unique_pairs(np.repeat(np.arange(len(edges.ends)), edges.faces_around), patches.of_face[edges.face])
     different = np.bincount(row, minlength=len(edges.ends))
     place = counted(different)
-    meets = np.full((len(edges.ends), MOST), -1, dtype=np.int32)
+    meets = np.full((len(edges.ends), MOST), -1, np.int32)
     meets[row[place < MOST], place[place < MOST]] = patch[place < MOST]
     return meets, different > MOST, (edges.faces_around != 2) | (different != 1)
 
@@ -82,7 +82,7 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
     one, other = kind[end // 2].T
     smooth = (one == other) & ((turn < CORNER) | np.append(meet_smoothly(kinds, patches), False)[one])
     polylines = trace_polylines(ends, joint, end // 2, smooth)
-    of_edge, is_edge = np.empty(len(ends), dtype=np.int64), polylines.facet >= 0
+    of_edge, is_edge = np.empty(len(ends), np.int64), polylines.facet >= 0
     of_edge[polylines.facet[is_edge]] = np.repeat(np.arange(len(polylines.closed)), np.diff(polylines.start))[is_edge]
     first, last = position[polylines.node[polylines.start[:-1]]], position[polylines.node[polylines.start[1:] - 1]]
     found = [lines(first, last)]
@@ -108,7 +108,7 @@ def meet_smoothly(kinds: Ints, patches: Patches) -> Mask:
 
 
 def lines(start: Floats, end: Floats) -> Shapes:
-    return Shapes(np.full(len(start), LINE, dtype=np.int8), start, unit(end - start, end - start), np.zeros(len(start)))
+    return Shapes(np.full(len(start), LINE, np.int8), start, unit(end - start, end - start), np.zeros(len(start)))
 
 
 def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple[Ints, Shapes]:
@@ -123,7 +123,7 @@ def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple
         if circle is None:
             curves = lines(np.zeros((1, 3)), np.zeros((1, 3)))
             curves.shape[:] = INTERSECTION if intersect_at_angle(x, meeting, patches) else UNKNOWN
-            return np.zeros(count, dtype=np.int64), curves
+            return np.zeros(count, np.int64), curves
         parts = [Part(0, count, Circle(as_complex(circle[0]), circle[1]))]
     elif flat:
         parts, shift = cut_polyline(z, closed)
@@ -162,7 +162,7 @@ def freedom_of(faces: Faces, patches: Patches, ridges: Ridges, pinned: Mask, pos
     nnodes = len(pinned)
     node, patch = unique_pairs(faces.nodes.ravel(), np.repeat(patches.of_face, 3))
     different = np.bincount(node, minlength=nnodes)
-    number, place = np.full(nnodes, INSIDE, dtype=np.int8), np.full(nnodes, -1, dtype=np.int32)
+    number, place = np.full(nnodes, INSIDE, np.int8), np.full(nnodes, -1, np.int32)
     number[node], place[node] = ON_PATCH, patch
     tip = np.linalg.norm(position[node] - patches.origin[patch], axis=1) <= APEX * np.ptp(position, axis=0).max()
     number[node[tip & (patches.shape[patch] == CONE)]] = HELD

@@ -68,7 +68,7 @@ class Parts:
         """
         partitions = list[tuple[Nodes, Mask]]()
         for part in self.partitions:
-            interior = np.empty(len(part), dtype=np.bool_)
+            interior = np.empty(len(part), bool)
             mark_interior(star.start, star.link, part, 1, interior, np.empty_like(part))
             partitions.append((part, interior))
         return shared_in_parts(task, self.order, *partitions)
@@ -92,7 +92,7 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
 
 
 def run_parts(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
-    waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), dtype=np.int32)
+    waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), np.int32)
     find_parts(mesh.elements.node, part, of_element)
     parts, part_of = int(part.max()) + 1, of_element[waiting]
     count = np.bincount(of_element[of_element >= 0], minlength=parts)

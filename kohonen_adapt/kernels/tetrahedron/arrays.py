@@ -69,7 +69,7 @@ class Samples(NamedTuple):
     hessian: Array  # (s, 3, 3): second derivatives of the height along the normal
 
 
-NO_SAMPLES = Samples(np.zeros(1, dtype=np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+NO_SAMPLES = Samples(np.zeros(1, np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
 
 @record
@@ -108,7 +108,7 @@ class Star(NamedTuple):
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Star":
         shapes = (nodes + 1,), (4 * elements,), (4 * elements, 3)
-        return cls(*(np.zeros(shape, dtype=np.int32) for shape in shapes))
+        return cls(*(np.zeros(shape, np.int32) for shape in shapes))
 
 
 @record
@@ -147,9 +147,9 @@ class Cavity(NamedTuple):
     def of(cls, nodes: int, elements: int) -> "Cavity":
         small = (MOST,), (MOST,), (MOST,), (2 * MOST, 4), (2 * MOST,), (2 * MOST, 4), (2 * MOST,)
         faces = (12 * MOST, 5), (12 * MOST,), (2, RING), (2, RING)
-        ints = [np.empty(shape, dtype=np.int32) for shape in (*small, *faces)]
-        stamps = [np.zeros(count, dtype=np.int64) for count in (elements, nodes, 1)]
-        last = [np.empty(shape, dtype=np.int32) for shape in ((2, RING, RING), (4 * RING, 2), (5,))]
+        ints = [np.empty(shape, np.int32) for shape in (*small, *faces)]
+        stamps = [np.zeros(count, np.int64) for count in (elements, nodes, 1)]
+        last = [np.empty(shape, np.int32) for shape in ((2, RING, RING), (4 * RING, 2), (5,))]
         return cls._make([*stamps, *ints, np.empty((2, RING, RING)), *last])
 
 
@@ -177,7 +177,7 @@ class Queue(NamedTuple):
 
     @classmethod
     def of(cls, elements: int) -> "Queue":
-        return cls(np.zeros(elements, dtype=np.int8), np.empty(elements, dtype=np.int32), np.zeros(2, dtype=np.int64))
+        return cls(np.zeros(elements, np.int8), np.empty(elements, np.int32), np.zeros(2, np.int64))
 
 
 @record
@@ -249,14 +249,14 @@ class SolidBlock(NamedTuple):
         moments = [np.empty(shape) for shape in ((4, 3), (4, 4, 6), (4, 3, 3), (4, 3))]
         return cls._make(
             [
-                np.zeros(1, dtype=np.int64),
+                np.zeros(1, np.int64),
                 np.empty((rows, 10)),
-                np.empty((rows, 10), dtype=np.int32),
-                np.empty((rows, 6), dtype=np.bool_),
-                np.empty((edges, 2), dtype=np.int32),
+                np.empty((rows, 10), np.int32),
+                np.empty((rows, 6), bool),
+                np.empty((edges, 2), np.int32),
                 np.empty(edges),
-                np.empty(edges, dtype=np.int32),
-                np.empty(edges, dtype=np.bool_),
+                np.empty(edges, np.int32),
+                np.empty(edges, bool),
                 *small,
                 point,
                 weight,

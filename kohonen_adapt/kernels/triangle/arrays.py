@@ -76,7 +76,7 @@ class Chains(NamedTuple):
 
     @classmethod
     def of(cls, count: int) -> "Chains":
-        flags, row = np.zeros((count, PAIRED + 1), dtype=np.int8), np.zeros(count + 1, dtype=np.int32)
+        flags, row = np.zeros((count, PAIRED + 1), np.int8), np.zeros(count + 1, np.int32)
         return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
 
     @property
@@ -170,9 +170,9 @@ class SurgeryScratch(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
-        around, other, stack = (np.empty(elements, dtype=np.int32) for _ in range(3))
-        counter, stamp = np.zeros(1, dtype=np.int64), np.zeros(nodes, dtype=np.int64)
-        return cls(around, other, stamp, counter, stack, np.zeros(elements, dtype=np.bool_))
+        around, other, stack = (np.empty(elements, np.int32) for _ in range(3))
+        counter, stamp = np.zeros(1, np.int64), np.zeros(nodes, np.int64)
+        return cls(around, other, stamp, counter, stack, np.zeros(elements, bool))
 
 
 @record
@@ -293,10 +293,10 @@ class Block(NamedTuple):
         rows = max(elements, 4)  # a split edge has up to four
         unknowns = 1 + (rows + 1) * (functions // 3 - 1) + rows * (functions == 10)
         numbers = np.empty(2, np.int32), np.empty(2), np.empty(rows, np.int32), np.empty((rows, 3), np.int32)
-        held, dirichlet = np.empty((2, rows, 3), dtype=np.bool_)
-        marks = held, dirichlet, np.empty(rows, dtype=np.bool_)
+        held, dirichlet = np.empty((2, rows, 3), bool)
+        marks = held, dirichlet, np.empty(rows, bool)
         local, sign = np.empty((2, rows, functions))
-        dof, far_end = np.empty((rows, functions), dtype=np.int32), np.empty(unknowns, dtype=np.int32)
+        dof, far_end = np.empty((rows, functions), np.int32), np.empty(unknowns, np.int32)
         rest, correction, response = np.empty((3, unknowns))
         added = np.empty(functions), np.empty((functions, functions + 3)), np.empty((unknowns, unknowns))
         coefficients = local, np.empty((rows, 3, 2)), dof, sign, far_end

@@ -54,9 +54,9 @@ class Patch(NamedTuple):
 
 
 def patch_scratch(width: int) -> Patch:
-    element, corner = np.zeros((2, width), dtype=np.int32)
+    element, corner = np.zeros((2, width), np.int32)
     jump, mean, tilt, load = np.zeros((4, width + 2))
-    held, matrix = np.zeros(width + 2, dtype=np.bool_), np.zeros((width + 2, width + 2))
+    held, matrix = np.zeros(width + 2, bool), np.zeros((width + 2, width + 2))
     return Patch(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
 
 

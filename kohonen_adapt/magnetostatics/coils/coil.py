@@ -56,7 +56,7 @@ class Coil:
     radius: float = 0.0
 
     def __post_init__(self) -> None:
-        path = np.array(self.path, dtype=float) if np.ndim(self.path) == 2 else np.zeros((0, 0))
+        path = np.array(self.path, float) if np.ndim(self.path) == 2 else np.zeros((0, 0))
         if path.shape[0] != 3 or path.shape[1] < 3 or not np.all(np.isfinite(path)):
             remedy = " Transpose it: the rows are x, y and z." if path.shape[1:] == (3,) else ""
             raise ValueError(

@@ -83,7 +83,7 @@ def _inset(coil: Coil, fraction: float) -> Coil:
 def _met_elements(mesh: MeshTet, rows: Ints, coil: Coil) -> Ints:
     # elements with a node, the centroid or points of edges in the winding
     t, (start, end) = mesh.t[:, rows], edges_in(mesh, rows)
-    nodes, inside = np.unique(t), np.zeros((2, mesh.nvertices), dtype=bool)
+    nodes, inside = np.unique(t), np.zeros((2, mesh.nvertices), bool)
     in_winding, crossing = inside
     in_winding[nodes] = coil.contains(mesh.p[:, nodes])
     size = magnitude(np.ptp(coil.path, axis=1)) + coil.width + coil.height

@@ -105,7 +105,7 @@ def _arcs_of(winding: Winding, current_density: float) -> Arcs:
 
 
 def _rules(clustered: int) -> tuple[Ints, Floats, Floats, Floats]:
-    counts = np.array([*(count for count in GAUSS_RULES if count < clustered), clustered], dtype=np.int32)
+    counts = np.array([*(count for count in GAUSS_RULES if count < clustered), clustered], np.int32)
     fraction, weight = np.zeros((2, len(counts), clustered))
     for rule, count in enumerate(counts):
         barycentric, weight[rule, :count] = product_rule((int(count),))

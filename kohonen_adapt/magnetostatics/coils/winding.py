@@ -46,7 +46,7 @@ def crossing_side(points: Plane) -> int | None:
     apart = (one > 0) | (other < rows.size - 1)
     one, other = one[apart], other[apart]
     box = np.array([[start.real, start.imag], [end.real, end.imag]])
-    lowest, highest, meets = box.min(axis=0), box.max(axis=0), np.ones(one.size, dtype=bool)
+    lowest, highest, meets = box.min(axis=0), box.max(axis=0), np.ones(one.size, bool)
     for i, j in ((one, other), (other, one)):
         edge = end[i] - start[i]
         meets &= cross(edge, start[j] - start[i]) * cross(edge, end[j] - start[i]) <= 0.0
@@ -55,7 +55,7 @@ def crossing_side(points: Plane) -> int | None:
 
 
 def is_inside(points: Plane, y: Plane) -> Mask:
-    inside = np.zeros(y.size, dtype=bool)
+    inside = np.zeros(y.size, bool)
     for start, end in zip(points, np.roll(points, -1), strict=True):
         between = (start.imag > y.imag) != (end.imag > y.imag)
         inside ^= between & ((cross(end - start, y - start) > 0.0) == (end.imag > start.imag))
@@ -99,7 +99,7 @@ class Bar(NamedTuple):
 
         A depth is the distance from the middle of the bar to the left.
         """
-        inside = np.ones(y.size, dtype=bool)
+        inside = np.ones(y.size, bool)
         for start, end in zip(self.corner, np.roll(self.corner, -1), strict=True):  # clockwise
             inside &= cross(end - start, y - start) <= EDGE * width * np.abs(end - start)
         rows = np.flatnonzero(inside)

@@ -199,7 +199,7 @@ def total_potential(mesh: MeshTet, iron: Mask, along: Floats) -> FloatsPair:
     roots = lower[np.unique(component[lower], return_index=True)[1]]
     # One search from a further node that is joined to all roots.
     ends = np.append(lower, np.full(roots.size, nnodes)), np.append(upper, roots)
-    graph = coo_array((np.ones(ends[0].size, dtype=np.int8), ends), shape=(nnodes + 1,) * 2).tocsr()
+    graph = coo_array((np.ones(ends[0].size, np.int8), ends), shape=(nnodes + 1,) * 2).tocsr()
     order, predecessor = breadth_first_order(graph, nnodes, directed=False)
     end, chi = order[1 + roots.size :], np.zeros(nnodes)
     start = predecessor[end]

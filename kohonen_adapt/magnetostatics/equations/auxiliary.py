@@ -95,7 +95,7 @@ class EdgeSolver(Solver):
         from pyamg.relaxation.relaxation import gauss_seidel
 
         conditions, edges = self.conditions, self.edges
-        inner = np.ones(edges.mesh.nvertices, dtype=bool)
+        inner = np.ones(edges.mesh.nvertices, bool)
         inner[edges.nodes[:, conditions.fixed]] = False
         if not inner.any():
             return None

@@ -158,7 +158,7 @@ def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
 def fixed_values(elements: Space, potential: Mapping[str, Value], points: Mapping[str, Floats]) -> tuple[Mask, Floats]:
     x, mesh = elements.doflocs, elements.corners
     at_points = nodes_of_points(mesh, points)
-    fixed, values = np.zeros(x.shape[1], dtype=bool), np.zeros(x.shape[1])
+    fixed, values = np.zeros(x.shape[1], bool), np.zeros(x.shape[1])
     for name, value in potential.items():
         rows = at_points[name] if name in at_points else _on_boundary(elements, name)
         fixed[rows] = True

@@ -128,9 +128,9 @@ class Curls:
     @cached_property
     def _pattern(self) -> csr_array:
         # the matrix with entries in place of values
-        index, count = np.full(self.edges.nodes.shape[1], -1, dtype=np.int32), self.free.size
+        index, count = np.full(self.edges.nodes.shape[1], -1, np.int32), self.free.size
         index[self.free] = np.arange(count)
-        ends = np.empty((2, int(self._entry.max()) + 1), dtype=np.int32)
+        ends = np.empty((2, int(self._entry.max()) + 1), np.int32)
         ends[:, self._entry] = index[self.edges.unknowns[PAIRS]]
         inner = np.flatnonzero(np.all(ends >= 0, axis=0)).astype(np.int32)
         start, end = ends[:, inner]
@@ -162,7 +162,7 @@ def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:
     loop of the surface: the sides of a bar between two poles have one, and the flux of the bar is its circulation.
     """
     count = edges.nodes.shape[1]
-    fixed, values = np.zeros(count, dtype=bool), np.zeros(count)
+    fixed, values = np.zeros(count, bool), np.zeros(count)
     used, around = np.unique(edges.on_facets(closed), return_inverse=True)
     fixed[used] = True
     loops = _loops(edges.nodes[:, used], around.reshape(3, -1))
@@ -194,7 +194,7 @@ def _loops(ends: Ints, around: Ints) -> csc_array:
     beside = elements_of(around.astype(np.int64), nedges)
     beside[beside < 0] = nfacets  # an edge at the rim leads outside
     in_tree = _spanning_edges(ends)
-    crossed, rest = np.zeros(nedges, dtype=bool), np.flatnonzero(~in_tree)
+    crossed, rest = np.zeros(nedges, bool), np.flatnonzero(~in_tree)
     crossed[rest[_spanning_edges(beside[:, rest])]] = True
     generators, unknown = np.flatnonzero(~in_tree & ~crossed), np.flatnonzero(crossed)
     if not generators.size:
@@ -212,7 +212,7 @@ def _loops(ends: Ints, around: Ints) -> csc_array:
 
 
 def _spanning_edges(ends: Ints) -> Mask:
-    size, chosen = int(ends.max(initial=0)) + 1, np.zeros(ends.shape[1], dtype=bool)
+    size, chosen = int(ends.max(initial=0)) + 1, np.zeros(ends.shape[1], bool)
     _, edge = np.unique(keys_of(ascending(*ends), size), return_index=True)
     start, end = ends[:, edge].astype(np.int32)  # scipy before 1.15 takes no other integers
     graph = coo_array((edge + 1.0, (start, end)), shape=(size, size)).tocsr()

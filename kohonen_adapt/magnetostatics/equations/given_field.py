@@ -38,7 +38,7 @@ def checked_field(value: Any) -> AppliedField | None:
     if sources and all(callable(getattr(source, "getH", None)) for source in sources):
         return lambda x: np.sum([np.reshape(source.getH(x.T), x.T.shape).T for source in sources], axis=0)
     if np.shape(value) == (3,) and np.asarray(value).dtype.kind in "iuf" and np.all(np.isfinite(value)):
-        vector = np.array(value, dtype=float)
+        vector = np.array(value, float)
         return lambda x: np.tile(vector[:, None], x.shape[1])
     raise ValueError(
         "applied_field must be a function of x (3, n) in m that returns the field strength of the currents, (3, n) in "
@@ -108,7 +108,7 @@ def circulations(x: Floats, ends: Ints, function: AppliedField) -> FloatsPair:
 def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
     start, edge = x[:, ends[0]], x[:, ends[1]] - x[:, ends[0]]
     size, found = magnitude(edge), np.zeros((2, edge.shape[1]))
-    rules, group = [OF_FUNCTIONS], np.zeros(size.size, dtype=np.int64)
+    rules, group = [OF_FUNCTIONS], np.zeros(size.size, np.int64)
     if isinstance(function, Sources):
         distance = 2.0 * function.distance(start + 0.5 * edge)
         rules, group = OF_COILS, np.sum(np.outer(list(LOBATTO_POINTS.values()), size) <= distance, axis=0) - 1

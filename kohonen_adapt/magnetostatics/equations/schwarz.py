@@ -49,7 +49,7 @@ def inverses(matrix: csr_matrix, stars: Sequence[Ints]) -> tuple[Ints, Singles]:
     # Return rows (n, size) and inverses (n, size, size) of stars. Pads have the row after the last, and no inverse.
     # Single precision halves time and memory; blocks of a matrix with a unit diagonal have conditions up to 3000.
     count, size = matrix.shape[0], padded_size(stars[-1])
-    rows, found = np.full((len(stars), size), count), np.zeros((len(stars), size, size), dtype=np.float32)
+    rows, found = np.full((len(stars), size), count), np.zeros((len(stars), size, size), np.float32)
     place, lengths = np.full(count, -1), np.diff(matrix.indptr)
     for star, padded, inverse in zip(stars, rows, found, strict=True):
         padded[: star.size], place[star] = star, np.arange(star.size)
@@ -57,7 +57,7 @@ def inverses(matrix: csr_matrix, stars: Sequence[Ints]) -> tuple[Ints, Singles]:
         entries = np.repeat(matrix.indptr[star] - np.cumsum(length) + length, length) + np.arange(length.sum())
         row, column = np.repeat(np.arange(star.size), length), place[matrix.indices[entries]]
         inside = column >= 0
-        block = np.zeros((star.size, star.size), dtype=np.float32)
+        block = np.zeros((star.size, star.size), np.float32)
         block[row[inside], column[inside]] = matrix.data[entries[inside]]
         place[star] = -1
         factor, failed = spotrf(block.T, overwrite_a=True)

@@ -48,7 +48,7 @@ class Symmetry:
 
     def on_axis(self, x: Floats) -> Mask:
         if not self.axis:
-            return np.zeros(x.shape[1], dtype=bool)
+            return np.zeros(x.shape[1], bool)
         tolerance = AXIS * np.max(np.ptp(x, axis=1))
         outside = np.flatnonzero(x[0] < -tolerance)
         if outside.size:

@@ -162,7 +162,7 @@ def read_bh(path: str | Path, *, smooth: bool = False) -> Table:
 
 def _checked(points: Any, smooth: bool) -> Floats:
     try:
-        array = np.array(points, dtype=float)
+        array = np.array(points, float)
     except (TypeError, ValueError):
         raise ValueError(f"bh must be numbers of shape (n, 2), columns B in T and H in A/m; got {points!r}.") from None
     if array.ndim != 2 or array.shape[1] != 2:

@@ -53,7 +53,7 @@ class Coefficients:
 
     @property
     def nonlinear(self) -> Mask:
-        found = np.zeros(self.material_index.size, dtype=np.bool_)
+        found = np.zeros(self.material_index.size, bool)
         for _, rows in self.nonlinear_materials:
             found[rows] = True
         return found

@@ -214,7 +214,7 @@ class Arctan(Law):
 
     def field_strength(self, b: Floats) -> Floats:
         # B(H) is concave, so Newton's method rises from a value below the root and does not pass the root.
-        b = np.asarray(b, dtype=float)
+        b = np.asarray(b, float)
         below = np.maximum(b / self.permeability, b - self.saturation)
         strength = VACUUM_RELUCTIVITY * np.maximum(below, 0.0)
         for _ in range(100):
@@ -246,7 +246,7 @@ class Arctan(Law):
 
 def reluctivities(law: Law, b: Floats) -> FloatsPair:
     """Return the secant H / B and the differential dH/dB in m/H, equal at B = 0."""
-    slope = np.asarray(law.slope(b), dtype=float)
+    slope = np.asarray(law.slope(b), float)
     small = b < 1e-9  # T: the quotient would be rounding error
     return np.where(small, slope, law.field_strength(b) / np.where(small, 1.0, b)), slope
 
@@ -297,7 +297,7 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     """
     if isinstance(law, Arctan):  # defined by its inverse
         return law._flux_density(h)
-    target, top = np.ravel(np.asarray(h, dtype=float)), 1.0
+    target, top = np.ravel(np.asarray(h, float)), 1.0
     while float(law.field_strength(np.array([top]))[0]) < target.max(initial=0.0):
         top *= 2.0
     grid = top * np.arange(PIECES + 1) / PIECES

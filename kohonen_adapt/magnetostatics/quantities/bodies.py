@@ -32,7 +32,7 @@ def air_elements(field: MagneticField) -> Mask:
 
 def isolated_body(field: MagneticField, names: Names) -> Mask:
     mesh, inside, text = field.elements.corners, elements_in(field.mesh, names), joined_names(names)
-    in_body = np.zeros(mesh.nvertices, dtype=bool)
+    in_body = np.zeros(mesh.nvertices, bool)
     in_body[mesh.t[:, inside]] = True
     around = in_body[mesh.t].any(axis=0) & ~inside
     if not around.any():
@@ -59,7 +59,7 @@ def bores(mesh: MeshTri, names: Names, centre: ArrayLike) -> dict[str, Arc]:
 
     Only boundaries with too few nodes to be recognised as arcs are returned.
     """
-    x, y = np.asarray(centre, dtype=float)
+    x, y = np.asarray(centre, float)
     outer, radius, found = outer_facets(mesh, elements_in(mesh, names)), np.hypot(mesh.p[0] - x, mesh.p[1] - y), {}
     for name, rows in named_sets(mesh.boundaries).items():
         facets, nodes = np.unique(rows), np.unique(mesh.facets[:, rows])

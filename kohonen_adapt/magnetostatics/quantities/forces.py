@@ -159,7 +159,7 @@ class Shell:
         element size, also on uniform meshes.
         """
         mesh, air, (along, _, master) = self.field.elements.corners, self._air, self.cut
-        values, fixed = np.zeros(master.size), np.zeros(master.size, dtype=bool)
+        values, fixed = np.zeros(master.size), np.zeros(master.size, bool)
         fixed[mesh.t[:, ~air]] = fixed[mesh.facets[:, np.setdiff1d(mesh.boundary_facets(), along)]] = True
         fixed[master[fixed]] = True
         values[master[mesh.t[:, self.inside]]] = 1.0

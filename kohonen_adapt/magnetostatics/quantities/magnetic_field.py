@@ -179,7 +179,7 @@ class MagneticField(ABC):
     def _at_points(self, given: ArrayLike, values: Callable[[Points], Floats]) -> Floats:
         element = self.elements_at(given)
         inside = element >= 0
-        x, own = np.asarray(given, dtype=float)[:, inside], element[inside]
+        x, own = np.asarray(given, float)[:, inside], element[inside]
         found = values(Points.of(self.elements, own, self.elements.barycentric(x, own), x))
         result = np.full((*found.shape[:-1], inside.size), np.nan)
         result[..., inside] = found

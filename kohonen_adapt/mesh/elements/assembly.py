@@ -112,7 +112,7 @@ def without_interiors(matrices: Floats, outside: int) -> tuple[Floats, Floats, F
 
     With them are returned the inverse of the eliminated block and its product with the coupling.
     """
-    inverse = np.asarray(np.linalg.inv(matrices[:, outside:, outside:]), dtype=np.float64)
+    inverse = np.asarray(np.linalg.inv(matrices[:, outside:, outside:]), np.float64)
     coupling = inverse @ matrices[:, outside:, :outside]
     return matrices[:, :outside, :outside] - matrices[:, :outside, outside:] @ coupling, inverse, coupling
 
@@ -158,7 +158,7 @@ class Skeleton:
         row, column = np.broadcast_arrays(self.parts[:, :, None], self.parts[:, None])
         values = np.broadcast_to(6.0 * np.eye(6) - 0.9, row.shape)  # positive definite
         graph = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(self.count,) * 2)
-        return np.asarray(symmetric_factors(graph.tocsc()).perm_c, dtype=np.int64)
+        return np.asarray(symmetric_factors(graph.tocsc()).perm_c, np.int64)
 
     @cached_property
     def _blocks(self) -> tuple[Ints, Ints, Ints]:

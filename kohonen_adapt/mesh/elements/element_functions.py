@@ -66,8 +66,8 @@ class ElementFunctions(Groups):
         super().__init__([], count)
         self.corners, self.dim = corners, len(corners)
         self.offset: Floats = np.zeros(0) if offset is None else offset
-        curved = np.zeros(count, dtype=np.bool_) if offset is None else np.any(offset, axis=(0, 1))
-        kind = kinds_at_axis(corners[0].T) if axis else np.zeros(count, dtype=np.int64)
+        curved = np.zeros(count, bool) if offset is None else np.any(offset, axis=(0, 1))
+        kind = kinds_at_axis(corners[0].T) if axis else np.zeros(count, np.int64)
         law = np.logical_and(law, order > 1 or axis)  # otherwise gradients are constant, and one point suffices
         self.extend(Groups.of(Form(order, self.dim, axis=axis), kind, curved, law, self._group))
 

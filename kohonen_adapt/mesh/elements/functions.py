@@ -122,7 +122,7 @@ def inverse_mass(order: int, dim: int) -> Floats:
     """Return the inverse mass matrix of hierarchical functions, of volume 1."""
     at, weights = product_rule((order + 1,) * dim)
     values, _ = hierarchical(at, order)
-    return np.asarray(np.linalg.inv(values * weights @ values.T), dtype=np.float64)
+    return np.asarray(np.linalg.inv(values * weights @ values.T), np.float64)
 
 
 @cache
@@ -202,7 +202,7 @@ def _to_nodal(order: int, dim: int, kind: int, spread: bool) -> Floats:
     if kind:
         factor = factor_at(np.array(kind), at)
         values = np.where(falling(order)[kind][:, None] & (factor > OFF_AXIS), values * factor, values)
-    return np.asarray(np.linalg.inv(values), dtype=np.float64)
+    return np.asarray(np.linalg.inv(values), np.float64)
 
 
 def near_axis(at: Floats, order: int, kind: Ints | int) -> FloatsPair:

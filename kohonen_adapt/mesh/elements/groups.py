@@ -57,7 +57,7 @@ class Reference:
     @cached_property
     def pair(self) -> Ints:
         """Index of a pair of functions in `products`, (k, k)."""
-        upper, found = np.triu_indices(len(self.slopes)), np.empty((len(self.slopes),) * 2, dtype=np.int64)
+        upper, found = np.triu_indices(len(self.slopes)), np.empty((len(self.slopes),) * 2, np.int64)
         found[upper] = found[upper[::-1]] = np.arange(upper[0].size)
         return found
 

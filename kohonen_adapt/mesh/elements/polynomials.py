@@ -114,7 +114,7 @@ def modes_of(
     """
     facet, nodes, facets = facets_opposite(mesh, node), mesh.nvertices, mesh.nfacets
     own = values[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1)[facet]  # from the lower node index
-    dirichlet = np.zeros(node.shape, dtype=np.bool_)
+    dirichlet = np.zeros(node.shape, bool)
     if fixed is not None:
         dirichlet = np.all(fixed[nodes : nodes + (order - 1) * facets].reshape(facets, order - 1), axis=1)[facet]
     modes = Modes(np.empty((*node.shape, order - 1)), np.zeros(len(node)), dirichlet)

@@ -218,7 +218,7 @@ class Space(Unknowns):
         if self.arcs:
             return self._without_interiors(across, free, along)
         products = self.groups.by_element(lambda group: group.upper_products(across, along))
-        index = np.full(self.doflocs.shape[1], -1, dtype=np.int32)
+        index = np.full(self.doflocs.shape[1], -1, np.int32)
         index[free] = np.arange(free.size)
         matrix = assembled(self.unknowns, products, index, free.size)
         return Reduced(matrix, subspaces=self._subspaces(index))

@@ -48,7 +48,7 @@ class Unknowns:
         self._varies = varies
         self.mesh, self.order, self.axis, self.sides, self.dim = mesh, order, axis, sides, len(mesh.p)
         self.arcs = order > EQUIDISTANT if arcs is None else arcs
-        self.nonlinear = np.zeros(mesh.nelements, dtype=bool) if nonlinear is None else nonlinear
+        self.nonlinear = np.zeros(mesh.nelements, bool) if nonlinear is None else nonlinear
         # scikit-fem sorts the corners of a `MeshTri` and relies on the order.
         if is_second_order(mesh) and not np.array_equal(mesh.t, self.corners.t):
             names = {"boundaries": mesh.boundaries, "subdomains": mesh.subdomains}
@@ -75,13 +75,13 @@ class Unknowns:
     def curved(self) -> Mask:
         if is_second_order(self.mesh) and not self.has_constant_gradients:
             return self.shape.curved
-        return np.zeros(self.mesh.nelements, dtype=bool)
+        return np.zeros(self.mesh.nelements, bool)
 
     @cached_property
     def kind(self) -> Ints:
         """Kinds of elements as in `ON_AXIS`, (nelements,)."""
         corners = self.corners
-        return kinds_at_axis(corners.p[0, corners.t.T]) if self.axis else np.zeros(corners.nelements, dtype=np.int64)
+        return kinds_at_axis(corners.p[0, corners.t.T]) if self.axis else np.zeros(corners.nelements, np.int64)
 
     @cached_property
     def unknowns(self) -> Ints:
@@ -163,7 +163,7 @@ class Unknowns:
         `index` (nunknowns,) is the row of an unknown, -1 for others, such as prescribed ones. Columns belong to the
         nodes with a row, in their order.
         """
-        owner, local = np.empty((2, index.size), dtype=np.int64)  # an element of every unknown, and its number there
+        owner, local = np.empty((2, index.size), np.int64)  # an element of every unknown, and its number there
         owner[self.unknowns] = np.arange(self.unknowns.shape[1])
         local[self.unknowns] = np.arange(len(self.unknowns))[:, None]
         value = nodes(self.order, self.dim, self.arcs)[local]

@@ -99,7 +99,7 @@ def _loads_by_quadrature(mesh: OpenTetrahedra, trial: Trial, function: AppliedFi
     load, (points, weights) = np.zeros(len(mesh.position)), get_quadrature(RefTri, FACET_DEGREE)
     for (s, t), weight in zip(points.T, weights, strict=True):
         barycentric = np.array([1.0 - s - t, s, t])
-        field = np.asarray(function(np.einsum("i,kic->ck", barycentric, mesh.position[node])), dtype=float)
+        field = np.asarray(function(np.einsum("i,kic->ck", barycentric, mesh.position[node])), float)
         terms = weight * np.sum(normal * field.T, axis=1)[:, None] * barycentric
         load += np.bincount(node.ravel(), terms.ravel(), load.size)
     return load
@@ -114,7 +114,7 @@ def _sample(mesh: OpenTetrahedra, trial: Trial, function: AppliedField, rows: In
     x = mesh.position[rows]
     width = SPREAD * _shortest(mesh, _faces(mesh, trial.loaded))[rows, None]
     points = x[:, None] + width[:, None] * STENCIL
-    field = np.asarray(function(points.reshape(-1, 3).T), dtype=float).T.reshape(points.shape)
+    field = np.asarray(function(points.reshape(-1, 3).T), float).T.reshape(points.shape)
     gradient = np.einsum("nki,kj->nij", field, STENCIL) / (4.0 * width[:, None])
     gradient = 0.5 * (gradient + gradient.transpose(0, 2, 1))
     trial.applied[rows, FIELD], trial.applied[rows, AT] = field.mean(axis=1), x

@@ -199,8 +199,8 @@ class CurvedEdges(NamedTuple):
     def of(cls, movable: MovableSolid, nodes: int) -> "CurvedEdges":
         # for up to `nodes` nodes
         if not movable.curved:
-            none = np.zeros(0, dtype=np.int32)
-            return cls(np.zeros(1, dtype=np.int32), none, np.zeros((0, 3)), none)
+            none = np.zeros(0, np.int32)
+            return cls(np.zeros(1, np.int32), none, np.zeros((0, 3)), none)
         mesh, straight, _ = movable.curved_mesh()
         offset, place = offsets_of_sides(mesh), np.where(straight, -1, places_of_edges(movable, mesh))
         rows = np.flatnonzero(offset.any(axis=0) | (place >= 0))
@@ -226,7 +226,7 @@ class CurvedEdges(NamedTuple):
         return self._replace(offset=self.offset.copy())
 
     def at_nodes(self, count: int) -> Mask:
-        return np.diff(self.start) > 0 if self.end.size else np.zeros(count, dtype=np.bool_)
+        return np.diff(self.start) > 0 if self.end.size else np.zeros(count, bool)
 
     def block(self) -> SolidBlock:
         return SolidBlock.of(*LAW_RULE_IN_SPACE, self, CURVED_RULE_IN_SPACE)

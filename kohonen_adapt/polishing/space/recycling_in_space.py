@@ -68,7 +68,7 @@ def sample_of(nodes: Ints) -> Ints:
 def empty_offers(mesh: OpenTetrahedra, is_open: Mask, removable: Mask, lone: Mask) -> Offers:
     rows = len(mesh.position)
     gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
-    return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, dtype=np.bool_))
+    return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, bool))
 
 
 def margin_of(function: Function) -> float:
@@ -121,7 +121,7 @@ def exchanged(
 
 
 def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
-    found, (e, k) = np.zeros(len(mesh.position), dtype=np.bool_), faces_on(mesh, some)
+    found, (e, k) = np.zeros(len(mesh.position), bool), faces_on(mesh, some)
     found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
     return found
 
@@ -132,7 +132,7 @@ def edges_of_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
     used = np.flatnonzero(node[:, 0] >= 0)
     key = keys_of(ascending(node[used][:, EDGES[:, 0]], node[used][:, EDGES[:, 1]]), count)
     e, k = np.nonzero(np.append(some, False)[mesh.elements.patch[used]])
-    found = np.zeros((len(node), 6), dtype=np.bool_)
+    found = np.zeros((len(node), 6), bool)
     found[used] = np.isin(key, key[e[:, None], EDGES_OF_FACES[k]])
     return found
 

@@ -224,7 +224,7 @@ class SolidFunctional:
         node, region = elements.node[used].T, elements.region[used]
         shape = trial.source.shape
         corners, row = position.T[:, node], (node * np.int64(shape[1]) + region).ravel()
-        functions = ElementFunctions(corners, 1, np.zeros(region.shape, dtype=np.bool_))
+        functions = ElementFunctions(corners, 1, np.zeros(region.shape, bool))
         loads = source_loads(functions, self.number[region], self.ritz.source)
         six = np.broadcast_to(np.abs(TETRAHEDRON.determinant(corners)), node.shape)
         load, total = (np.bincount(row, part.ravel(), trial.source.size).reshape(shape) for part in (loads, six))
@@ -232,7 +232,7 @@ class SolidFunctional:
 
     def freedom(self, freedom: Freedom, fixed: Mask, surface: Floats = NO_SURFACE) -> Freedom:
         number = freedom.number
-        held, slides = freedom.pinned | ((number == INSIDE) & fixed), np.zeros(len(number), dtype=np.bool_)
+        held, slides = freedom.pinned | ((number == INSIDE) & fixed), np.zeros(len(number), bool)
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
             rows = number == kind
             place = freedom.place[rows] + first
@@ -266,7 +266,7 @@ def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mas
     surface, own = nodal_terms(ritz.surface), terms_at_nodes(nodal_terms(ritz.surface), mesh)
     if ritz.order == 1:
         return TrialFunction(values.copy(), fixed.copy(), None, surface=own)
-    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
+    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), bool))
     unknowns = unknowns_of_elements(mesh, tet.elements.node[tet.used].T)
     local = corner_values(values, surface, unknowns, reduced[tet.elements.region[tet.used]])
     modes.side[tet.used, :, 0], modes.dirichlet[tet.used] = edge_coefficients(local)[4:].T, fixed[unknowns[4:]].T

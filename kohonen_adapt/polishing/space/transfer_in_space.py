@@ -128,7 +128,7 @@ def carried_modes(
     on_corners = corner_values(solution.values, nodal[0], corners, in_reduced).T
     on_ends = corner_values(at_nodes.values, nodal[1], ends.T, in_reduced)
     mode = quadratic_values(solution, on_corners, found, weights) - on_ends.mean(axis=0)
-    dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), dtype=bool)
+    dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), bool)
     e, k = np.nonzero((patch >= 0) & np.append(functional.unknown[: functional.patches], False)[patch])
     on = edge[e[:, None], EDGES_OF_FACES[k]]
     dirichlet[on] |= np.all(at_nodes.fixed[ends[on]], axis=2)
@@ -140,7 +140,7 @@ def carried_modes(
         if linear:
             mode[on] = 0.0
     m = len(tet.elements.node)
-    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), dtype=np.bool_))
+    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), bool))
     modes.side[used, :, 0], modes.dirichlet[used] = mode[edge], dirichlet[edge]
     return modes
 

@@ -38,7 +38,7 @@ def triangulations(first, last):
 
 
 COUNTS = np.array([len(triangulations(0, n - 1)) if n > 2 else 1 for n in range(LONGEST + 1)])
-TRIANGLES = np.zeros((LONGEST + 1, COUNTS[-1], LONGEST - 2, 3), dtype=np.int64)  # by nodes and triangulation
+TRIANGLES = np.zeros((LONGEST + 1, COUNTS[-1], LONGEST - 2, 3), np.int64)  # by nodes and triangulation
 for nodes in range(3, LONGEST + 1):
     for row, triangles in enumerate(triangulations(0, nodes - 1)):
         TRIANGLES[nodes, row, : nodes - 2] = triangles
