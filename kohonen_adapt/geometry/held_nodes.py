@@ -13,9 +13,9 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.polylines import CORNER
 from kohonen_adapt.geometry.rules import Pinned, pinned_nodes
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.measures import angles_between
+from kohonen_adapt.mesh.tetrahedralization import faces_of
 
 __all__ = ["names_at", "of_boundaries", "reasons_in_plane", "reasons_in_space", "with_pins", "without_turns"]
 
@@ -83,7 +83,7 @@ def corner_text(position: Floats, v: int, others: Ints, names: str, small: str) 
 def reasons_in_space(movable: MovableSolid) -> list[str]:
     elements = movable.tetrahedralization.elements
     e, k = np.nonzero(elements.patch >= 0)
-    node, patch = unique_pairs(elements.node[e[:, None], FACES[k]].ravel(), np.repeat(elements.patch[e, k], 3))
+    node, patch = unique_pairs(faces_of(elements, e, k).ravel(), np.repeat(elements.patch[e, k], 3))
     start = np.searchsorted(node, np.arange(movable.nnodes + 1))
 
     def reason(v: int) -> str:

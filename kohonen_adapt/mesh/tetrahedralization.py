@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.kernels.tetrahedron.arrays import Star, Tetrahedra
 from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
-from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
 from kohonen_adapt.mesh.tessellation import Tessellation
 
-__all__ = ["Tetrahedralization"]
+__all__ = ["Tetrahedralization", "faces_of", "faces_on"]
 
 
 @dataclass
@@ -31,3 +31,14 @@ class Tetrahedralization(Tessellation[Tetrahedra, Star]):
     def volumes(self) -> Floats:
         a, b, c, d = self.position[self.elements.node[self.used]].transpose(1, 0, 2)
         return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
+
+
+def faces_of(elements: Tetrahedra, element: Ints, corner: Ints) -> Ints:
+    """Return the nodes (f, 3) of the faces of elements opposite to corners."""
+    return elements.node[element[:, None], FACES[corner]]
+
+
+def faces_on(elements: Tetrahedra, patches: Mask) -> IntsPair:
+    """Return elements and opposite corners of the faces on some patches."""
+    element, corner = np.nonzero(np.append(patches, False)[elements.patch] & (elements.node[:, :1] >= 0))
+    return element, corner

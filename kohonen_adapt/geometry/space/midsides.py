@@ -14,9 +14,10 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.space.patches import Faces, Patches, on_their_patches
 from kohonen_adapt.kernels.tetrahedron.arrays import Tetrahedra
 from kohonen_adapt.kernels.triangle.polish.by_points import MIN_JACOBIAN
-from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.curved import STRAIGHT, determinant_coefficients, offsets_of_sides
 from kohonen_adapt.mesh.host import edges_between, number_edges
+from kohonen_adapt.mesh.tetrahedralization import faces_of
 
 __all__ = ["NO_EDGES", "InputEdges", "offsets_on_surfaces"]
 
@@ -45,7 +46,7 @@ def offsets_on_surfaces(
     # `elements`. The midside node of an edge on curved patches is the projection of the middle of the edge.
     number_edges(mesh)
     e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
-    edge = edges_of(mesh, elements.node[e[:, None], FACES[k]])
+    edge = edges_of(mesh, faces_of(elements, e, k))
     start, end = mesh.p[:, mesh.edges].swapaxes(0, 1)
     middle = 0.5 * (start + end)
     there = on_their_patches(edge, patches._replace(of_face=elements.patch[e, k]), middle.T)

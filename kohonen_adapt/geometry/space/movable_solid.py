@@ -41,7 +41,7 @@ from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.curved import is_second_order, with_midside_offsets
 from kohonen_adapt.mesh.shapes import round_shapes
-from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of
 
 __all__ = ["MovableSolid", "metric_of", "with_round_edges"]
 
@@ -156,7 +156,7 @@ class MovableSolid(Movable):
 
     def are_left(self, element: Ints, corner: Ints) -> Mask:
         tet = self.tetrahedralization
-        patch, nodes = tet.elements.patch[element, corner], tet.elements.node[element[:, None], FACES[corner]]
+        patch, nodes = tet.elements.patch[element, corner], faces_of(tet.elements, element, corner)
         return self.patches.in_front(patch, tet.elements.region[element], tet.position, nodes)
 
     def copy(self) -> "MovableSolid":

@@ -20,10 +20,11 @@ from kohonen_adapt.geometry.space.surfaces import (
     on_sphere,
 )
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE, Tetrahedra
-from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.measures import angles_between
 from kohonen_adapt.mesh.names import marked_facets
+from kohonen_adapt.mesh.tetrahedralization import faces_of
 
 __all__ = [
     "Edges",
@@ -73,7 +74,7 @@ class Seams(NamedTuple):
 
 def constrained_faces(mesh: MeshTet, elements: Tetrahedra) -> Faces:
     e, k, regions, label, sides = marked_facets(mesh, elements)
-    return Faces(e, k, elements.node[e[:, None], FACES[k]], label, sides, regions)
+    return Faces(e, k, faces_of(elements, e, k), label, sides, regions)
 
 
 def edges_of(faces: Faces, nnodes: int) -> Edges:

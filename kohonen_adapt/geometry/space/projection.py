@@ -19,10 +19,18 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Surfaces,
     Tetrahedra,
 )
-from kohonen_adapt.mesh.cells import FACES, normals
+from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.measures import qualities_of
+from kohonen_adapt.mesh.tetrahedralization import faces_of, faces_on
 
-__all__ = ["distances_from_faces", "move_to_targets", "projected_positions", "samples_of", "volume_cut_off"]
+__all__ = [
+    "distances_from_faces",
+    "midpoints_of_edges",
+    "move_to_targets",
+    "projected_positions",
+    "samples_of",
+    "volume_cut_off",
+]
 
 STILL = 1e-13  # distance from the target below which nodes are not moved, relative to the size of the mesh
 HALVINGS = 4  # maximum number of halvings of displacements that violate the quality rule
@@ -116,9 +124,8 @@ def volume_cut_off(position: Floats, elements: Tetrahedra, patches: Patches) -> 
 
 def faces_on_surfaces(elements: Tetrahedra, patches: Patches) -> IntsPair:
     # nodes (f, 3) of the faces on patches that are not plane, and their patches
-    used = elements.node[:, :1] >= 0
-    e, k = np.nonzero(used & np.append(patches.moves, False)[elements.patch])
-    return elements.node[e[:, None], FACES[k]], elements.patch[e, k]
+    e, k = faces_on(elements, patches.moves)
+    return faces_of(elements, e, k), elements.patch[e, k]
 
 
 def midpoints_of_edges(corners: Floats) -> Floats:

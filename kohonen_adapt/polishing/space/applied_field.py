@@ -22,8 +22,8 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Trial,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
-from kohonen_adapt.mesh.cells import FACES
-from kohonen_adapt.polishing.space.surface_values import faces_on
+from kohonen_adapt.mesh.tetrahedralization import faces_of, faces_on
+from kohonen_adapt.polishing.space.surface_values import ridges_at
 from kohonen_adapt.problem.boundary_terms import FACET_DEGREE, AppliedField
 
 __all__ = ["renew_field", "sliding_places", "start_field", "with_loads_of_faces"]
@@ -40,7 +40,7 @@ def sliding_places(surfaces: Surfaces, driven: Mask, barred: Mask, held: Mask) -
     # other reasons, and `held` for any reason.
     patches = len(surfaces.shape)
     loaded = driven & (surfaces.shape == PLANE) & ~barred[:patches]
-    beside = np.append(loaded, False)[surfaces.meets].any(axis=1)
+    beside = ridges_at(surfaces, loaded)
     free = np.append(loaded | ~held[:patches], True)[surfaces.meets].all(axis=1)
     return np.append(loaded, beside & free & (surfaces.ridge_shape == LINE) & ~barred[patches:])
 
@@ -88,10 +88,10 @@ def _loads(mesh: OpenTetrahedra, trial: Trial) -> Floats:
 
 
 def _loads_by_quadrature(mesh: OpenTetrahedra, trial: Trial, function: AppliedField) -> Floats:
-    e, k = faces_on(mesh, trial.loaded)
+    e, k = faces_on(mesh.elements, trial.loaded)
     outside = trial.data[mesh.elements.region[e], REDUCED] != 0.0
     e, k = e[outside], k[outside]
-    node, mu = mesh.elements.node[e[:, None], FACES[k]], 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
+    node, mu = faces_of(mesh.elements, e, k), 12.0 * trial.data[mesh.elements.region[e], TWELFTH_COEFFICIENT]
     a, b, c = np.moveaxis(mesh.position[node], 1, 0)
     normal = np.cross(b - a, c - a)
     inward = np.sum(normal * (mesh.position[mesh.elements.node[e, k]] - a), axis=1) > 0.0
@@ -122,8 +122,8 @@ def _sample(mesh: OpenTetrahedra, trial: Trial, function: AppliedField, rows: In
 
 
 def _faces(mesh: OpenTetrahedra, patches: Mask) -> Ints:
-    e, k = faces_on(mesh, patches)
-    return mesh.elements.node[e[:, None], FACES[k]]
+    e, k = faces_on(mesh.elements, patches)
+    return faces_of(mesh.elements, e, k)
 
 
 def _shortest(mesh: OpenTetrahedra, faces: Ints) -> Floats:

@@ -17,6 +17,7 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, FloatsPair, Int32s, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import Patches
+from kohonen_adapt.geometry.space.projection import midpoints_of_edges
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     CONE,
     CYLINDER,
@@ -28,13 +29,13 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Tetrahedra,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
-from kohonen_adapt.mesh.cells import FACES, TETRAHEDRON
+from kohonen_adapt.mesh.cells import TETRAHEDRON, normals
 from kohonen_adapt.mesh.curved import offsets_of_sides, tangent_corners
 from kohonen_adapt.mesh.elements.functions import hierarchical
 from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.host import edges_between, keys_of
 from kohonen_adapt.mesh.measures import EDGES
-from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of, faces_on
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 from kohonen_adapt.problem.functional_value import integrand
 from kohonen_adapt.problem.ritz import Ritz
@@ -99,7 +100,7 @@ class CurvedFaces:
         """
         elements, values = tet.elements, np.asarray(ritz.values)
         counted = linear & np.isin(patches.shape, ROUND)
-        e, k = np.nonzero(np.append(counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
+        e, k = faces_on(elements, counted)
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
         outer = is_outside(tet.position, elements, patches, e, k)
         sources = (
@@ -108,7 +109,7 @@ class CurvedFaces:
         source = constants_at(sources, number)[elements.region]
         source_across = np.where(across >= 0, source[across], 0.0)
         ends = np.where(outer | (across >= 0), source[e] != source_across, source[e] != 0.0)
-        level = np.abs(values[np.take_along_axis(elements.node[e], FACES[k], axis=1)]).max(axis=1, initial=0.0)
+        level = np.abs(values[faces_of(elements, e, k)]).max(axis=1, initial=0.0)
         cannot_count = (across >= 0) | outer | ((source[e] != 0.0) & (level > 0.0))
         counted[patch[np.where(dirichlet[patch], cannot_count, ends)]] = False
         return cls(patches, ritz, number, counted, counted & dirichlet, rate)
@@ -118,7 +119,7 @@ class CurvedFaces:
 
         `surface` has the offsets of `Trial.surface`.
         """
-        e, k = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
+        e, k = faces_on(elements, self.counted)
         outer, across = is_outside(position, elements, self.patches, e, k), elements.neighbour[e, k]
         has = outer | (across < 0)
         e, k, outer, across = e[has], k[has], outer[has], across[has]
@@ -157,7 +158,7 @@ class CurvedFaces:
                 density, field = integrand(slope, region, self.ritz)
                 across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
                 found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)
-        e, faces = np.nonzero(np.append(self.counted, False)[elements.patch] & (elements.node[:, :1] >= 0))
+        e, faces = faces_on(elements, self.counted)
         across = elements.neighbour[e, faces]
         back = np.argmax(elements.neighbour[across] == e[:, None], axis=1)
         total = found[e, faces] + np.where(across >= 0, found[across, back], 0.0)
@@ -171,21 +172,18 @@ def by_points(barycentric: Floats) -> FloatsPair:
 
 
 def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
-    corners = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)]
-    middle = corners.mean(axis=1)
-    out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.einsum("ij,ij->i", out, patches.project(elements.patch[e, k], middle) - middle) < 0.0
+    nodes = faces_of(elements, e, k)
+    middle = position[nodes].mean(axis=1)
+    away = patches.project(elements.patch[e, k], middle) - middle
+    return np.einsum("ij,ij->i", normals(position, nodes), away) < 0.0
 
 
 def volumes(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Floats:
     # between faces and surfaces, (f,), for a parabolic height
-    corners, patch = position[np.take_along_axis(elements.node[e], FACES[k], axis=1)], elements.patch[e, k]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    height = np.zeros(len(e))
-    for side in range(3):
-        middle = 0.5 * (corners[:, side] + corners[:, side - 1])
-        height += np.linalg.norm(patches.project(patch, middle) - middle, axis=1)
-    return np.linalg.norm(normal, axis=1) * height / 6.0
+    nodes, height = faces_of(elements, e, k), np.zeros(len(e))
+    for x in midpoints_of_edges(position[nodes]):
+        height += np.linalg.norm(patches.project(elements.patch[e, k], x) - x, axis=1)
+    return np.linalg.norm(normals(position, nodes), axis=1) * height / 6.0
 
 
 class CurvedEdges(NamedTuple):
@@ -237,7 +235,7 @@ def places_of_edges(movable: MovableSolid, mesh: MeshTet) -> Ints:
     # -1 without a curved patch, and between two corners.
     patches, freedom, elements = movable.patches, movable.freedom, movable.tetrahedralization.elements
     e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
-    nodes, count = np.take_along_axis(elements.node[e], FACES[k], axis=1), len(patches.shape)
+    nodes, count = faces_of(elements, e, k), len(patches.shape)
     edge = edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
     edge, patch = np.divmod(np.unique(edge * np.int64(count) + elements.patch[e, k][:, None]), count)
     found, curved = np.full(mesh.edges.shape[1], -1), patches.shape[patch] != PLANE

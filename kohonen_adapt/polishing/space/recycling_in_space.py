@@ -7,7 +7,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Ints, Mask, sorted_below
 from kohonen_adapt.kernels.tetrahedron.arrays import Cavity, Offers, OpenTetrahedra, Quadratic, Queue, Trial
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, OPPOSITE
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.tetrahedron.polish.exchange import (
     SCRATCH_ROWS,
     exchange,
@@ -16,7 +16,8 @@ from kohonen_adapt.kernels.tetrahedron.polish.exchange import (
 )
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.host import ascending, keys_of
-from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES, faces_on
+from kohonen_adapt.mesh.tetrahedralization import faces_of, faces_on
+from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 
 __all__ = [
     "EXCHANGES",
@@ -121,8 +122,8 @@ def exchanged(
 
 
 def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
-    found, (e, k) = np.zeros(len(mesh.position), bool), faces_on(mesh, some)
-    found[mesh.elements.node[e[:, None], OPPOSITE[k]]] = True
+    found, (e, k) = np.zeros(len(mesh.position), bool), faces_on(mesh.elements, some)
+    found[faces_of(mesh.elements, e, k)] = True
     return found
 
 

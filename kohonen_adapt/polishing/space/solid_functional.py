@@ -36,7 +36,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
 from kohonen_adapt.polishing.space.applied_field import sliding_places
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
-from kohonen_adapt.polishing.space.surface_values import dirichlet_on, outer_patches, sides_of, with_loads
+from kohonen_adapt.polishing.space.surface_values import dirichlet_on, outer_patches, ridges_at, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.boundary_terms import (
     AppliedField,
@@ -153,14 +153,14 @@ class SolidFunctional:
         free = (~on.unknown & (~on.dirichlet | followed))[:patches] & ~driven
         parts = movable.patches, ritz, number, free, on.dirichlet[:patches], on.rate[:patches]
         faces = CurvedFaces.of(tet, *parts) if ritz.order == 1 else CurvedFaces.of_order_2(*parts, movable.curved)
-        at_curved = np.append(curved, False)[surfaces.meets].any(axis=1)
+        at_curved = ridges_at(surfaces, curved)
         rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         barred = held | on.dirichlet | (ritz.order > 1) | (applied_field(ritz.surface) is None)
         barred[:patches] |= outer_patches(tet, patches)
         held[:patches] |= driven
-        held[patches:] |= np.append(held[:patches], False)[surfaces.meets].any(axis=1)
+        held[patches:] |= ridges_at(surfaces, held[:patches])
         held[patches:] |= at_curved & (on.dirichlet & ~followed)[patches:]
         slides = sliding_places(surfaces, driven, barred, held)
         same_space = not (

@@ -6,15 +6,14 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask
 from kohonen_adapt.kernels.arrays import Modes
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, OpenTetrahedra, Surfaces
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
-from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
-from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
+from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of
 from kohonen_adapt.polishing.energy_tables import LINEAR
 from kohonen_adapt.problem.boundary_terms import corner_values
 
-__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "faces_on", "outer_patches", "sides_of", "with_loads"]
+__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "outer_patches", "ridges_at", "sides_of", "with_loads"]
 
 # Edges of the face opposite to each corner, (4, 3).
 EDGES_OF_FACES = np.array([np.flatnonzero((EDGES[:, :2] != k).all(axis=1)) for k in range(4)])
@@ -57,7 +56,7 @@ def dirichlet_on(
     bare = np.bincount(own[slides], minlength=count) == 0
     partly = np.bincount(own[slides & fixed], minlength=count) > 0
     whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
-    near = np.append(touched, False)[surfaces.meets].any(axis=1)
+    near = ridges_at(surfaces, touched)
     unknown = bare & np.append(whole[:patches], near)
     there = corner_values(values, solution.surface, node, reduced[place])
     rate, deviation = linear_fits(place, tet.position[node], there, whole & ~bare)
@@ -65,7 +64,7 @@ def dirichlet_on(
         patch, mode, given = edges_on_patches(tet, modes)
         whole[:patches] &= np.bincount(patch, weights=~given, minlength=patches) == 0
         np.maximum.at(deviation, patch, np.abs(mode))
-        lone = np.append(whole[:patches], False)[surfaces.meets].any(axis=1)  # edges of other ridges are not known
+        lone = ridges_at(surfaces, whole[:patches])  # edges of other ridges are not known
         whole[patches:] &= lone
     linear = whole & ~bare & (deviation <= LINEAR * np.ptp(values))
     return DirichletValues((whole & ~bare) | partly, linear, unknown, rate)
@@ -96,16 +95,14 @@ def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches
     return (found > 0) | ((sliding == 0) & (without == 0))
 
 
-def faces_on(mesh: OpenTetrahedra, patches: Mask) -> IntsPair:
-    # elements and opposite corners of the faces on some patches
-    e, k = np.nonzero((mesh.elements.node[:, :1] >= 0) & np.append(patches, False)[mesh.elements.patch])
-    return e, k
+def ridges_at(surfaces: Surfaces, patches: Mask) -> Mask:
+    return np.append(patches, False)[surfaces.meets].any(axis=1)
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> IntsPair:
     elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
-    node = elements.node[e[:, None], FACES[k]]
+    node = faces_of(elements, e, k)
     code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * tet.nnodes + node)
     patch, nodes = np.divmod(code, tet.nnodes)
     return patch, nodes
@@ -127,7 +124,7 @@ def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom
     elements, n = tet.elements, tet.nnodes
     patches, slides = len(surfaces.shape), freedom.number == ON_RIDGE
     e, k = np.nonzero(elements.patch >= 0)
-    corners, patch = elements.node[e[:, None], FACES[k]].astype(np.int64), elements.patch[e, k].astype(np.int64)
+    corners, patch = faces_of(elements, e, k).astype(np.int64), elements.patch[e, k].astype(np.int64)
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     start, end = np.concatenate([start, end]), np.concatenate([end, start])
     there = slides[start] & (freedom.number[end] == HELD)
