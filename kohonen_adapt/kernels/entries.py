@@ -30,6 +30,7 @@ from kohonen_adapt.kernels.triangle import (
     equilibrate,
     flip,
     geometry,
+    guard,
     locate,
     recycle,
     smooth,
@@ -107,7 +108,7 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(ordering.hilbert_keys, R2, R1, float64, L1),
         Entry(ordering.mark_interior, I1, I2, I1, int64, B1, I1),
         Entry(chains.look_up, CONSTRAINTS, L1, R2),
-        Entry(geometry.move_to_targets, R2, STAR, L1, R2, float64, float64),
+        Entry(guard.move_to_targets, R2, STAR, METRIC, L1, R2, float64, float64),
     ),
     "recycling": (
         Entry(recycle.fill_heaps, OPEN_MESH, HEAP, HEAP),

@@ -53,7 +53,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     PeriodicPairs,
 )
 from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
-from kohonen_adapt.kernels.triangle.geometry import move_to_targets
+from kohonen_adapt.kernels.triangle.guard import move_to_targets
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.names import turned
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -136,7 +136,8 @@ class Outline:
             if on.any():
                 target[on] = projected(curve, triangulation.position[nodes[on]], name)
         tolerance = STILL * np.max(np.ptp(triangulation.position, axis=0))
-        move_to_targets(triangulation.position, triangulation.star, nodes, target, tolerance, floor)
+        metric = self.constraints.metric
+        move_to_targets(triangulation.position, triangulation.star, metric, nodes, target, tolerance, floor)
 
     def farthest(self, triangulation: Triangulation) -> tuple[float, int]:
         """Return the largest distance of a curve segment from its facets, and its index."""

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
+from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.vectors import between, cross, dot, from_to, plus, point, put, times
 
@@ -26,6 +27,16 @@ def corners_of(node, e):
 def face_of(node, e, k):
     """Return the nodes opposite to corner k."""
     return node[e, OPPOSITE[k, 0]], node[e, OPPOSITE[k, 1]], node[e, OPPOSITE[k, 2]]
+
+
+@inner_kernel
+def corners_of_edge(edge):
+    return EDGES[edge, 0], EDGES[edge, 1]
+
+
+@inner_kernel
+def edge_of(node, e, edge):
+    return node[e, EDGES[edge, 0]], node[e, EDGES[edge, 1]]
 
 
 @inner_kernel
@@ -68,8 +79,7 @@ def gather_around(mesh, v, around):
     Returned is -1 if `around` is too small.
     """
     node, neighbour, cavity = mesh.elements.node, mesh.elements.neighbour, mesh.cavity
-    cavity.counter[0] += 1
-    stamp = cavity.counter[0]
+    stamp = next_stamp(cavity)
     around[0] = mesh.pool.anchor[v]
     cavity.element_stamp[around[0]] = stamp
     count, at = 1, 0
@@ -89,16 +99,42 @@ def gather_around(mesh, v, around):
 
 
 @inner_kernel
+def list_shell(mesh, around, count, w, shell):
+    """List the elements with node w among `count` elements, and return their count."""
+    found = 0
+    for i in range(count):
+        if corner_of(mesh.elements.node, around[i], w) >= 0:
+            shell[found] = around[i]
+            found += 1
+    return found
+
+
+@inner_kernel
 def gather_edge(mesh, a, b, shell):
     if mesh.pool.anchor[a] < 0 or mesh.pool.anchor[b] < 0:
         return 0
-    count, found = gather_around(mesh, a, mesh.cavity.around), 0
-    for i in range(count):
-        e = mesh.cavity.around[i]
-        if corner_of(mesh.elements.node, e, b) >= 0:
-            shell[found] = e
-            found += 1
+    count = gather_around(mesh, a, mesh.cavity.around)
+    found = list_shell(mesh, mesh.cavity.around, count, b, shell)
     return found if count > 0 else -1
+
+
+@inner_kernel
+def list_neighbours(mesh, v, around, count):
+    """List the neighbours of v in `cavity.made`, and return their count.
+
+    The elements around v must be in `around`.
+    """
+    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    stamp = next_stamp(cavity)
+    cavity.node_stamp[v] = stamp
+    for i in range(count):
+        for k in range(4):
+            w = node[around[i], k]
+            if cavity.node_stamp[w] != stamp:
+                cavity.node_stamp[w] = stamp
+                cavity.made[found] = w
+                found += 1
+    return found
 
 
 @inner_kernel

@@ -7,7 +7,7 @@ nodes per volume.
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import MOST
-from kohonen_adapt.kernels.tetrahedron.geometry import corner_of, gather_around, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import corner_of, gather_around, gather_edge, list_neighbours
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
     UNLIMITED,
@@ -29,17 +29,11 @@ def enter_edge(mesh, longest, shortest, a, b):
 
 @inner_kernel
 def enter_edges(mesh, longest, shortest, v, higher):
-    node, cavity = mesh.elements.node, mesh.cavity
-    count = gather_around(mesh, v, cavity.around)
-    cavity.counter[0] += 1
-    cavity.node_stamp[v] = cavity.counter[0]
-    for i in range(count):
-        for k in range(4):
-            other = node[cavity.around[i], k]
-            if cavity.node_stamp[other] != cavity.counter[0]:
-                cavity.node_stamp[other] = cavity.counter[0]
-                if other > v or not higher:
-                    enter_edge(mesh, longest, shortest, v, other)
+    count = gather_around(mesh, v, mesh.cavity.around)
+    for i in range(list_neighbours(mesh, v, mesh.cavity.around, count)):
+        other = mesh.cavity.made[i]
+        if other > v or not higher:
+            enter_edge(mesh, longest, shortest, v, other)
 
 
 @kernel

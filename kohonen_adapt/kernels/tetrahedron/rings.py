@@ -14,6 +14,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
     corner_of,
     cubed_quality_on,
+    edge_of,
     element_quality,
     element_volumes,
     face_of,
@@ -206,7 +207,7 @@ def shells_around(mesh, queue, e, edge):
     The number of nodes is 0 if the edge must stay or an element waits.
     """
     elements = mesh.elements
-    a, b = elements.node[e, EDGES[edge, 0]], elements.node[e, EDGES[edge, 1]]
+    a, b = edge_of(elements.node, e, edge)
     first, second = elements.node[e, EDGES[edge, 2]], elements.node[e, EDGES[edge, 3]]
     nodes, found = walk_shell(mesh, queue, 0, e, a, b, first, second)
     if nodes == found:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, RIDGE_PATCHES
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     OPPOSITE,
@@ -13,6 +14,7 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     gather_around,
     gather_edge,
     has_constrained_face,
+    list_shell,
     rounded,
 )
 from kohonen_adapt.kernels.tetrahedron.metric import effective_quality, set_mean_shape, squared_length
@@ -56,8 +58,7 @@ def write_border(mesh, count):
     Each row has the element outside and the corner of that element, or -1. Returned is the number of faces.
     """
     elements, cavity = mesh.elements, mesh.cavity
-    cavity.counter[0] += 1
-    stamp, faces = cavity.counter[0], 0
+    stamp, faces = next_stamp(cavity), 0
     for i in range(count):
         cavity.element_stamp[cavity.old[i]] = stamp
     for i in range(count):
@@ -278,11 +279,8 @@ def prepare_collapse(mesh, v, w, floor, longest):
     would be non-manifold, or a slit would close.
     """
     elements, cavity, position = mesh.elements, mesh.cavity, mesh.position
-    count, shell = gather_around(mesh, v, cavity.old), 0
-    for i in range(count):
-        if corner_of(elements.node, cavity.old[i], w) >= 0:
-            cavity.around_other[shell] = cavity.old[i]
-            shell += 1
+    count = gather_around(mesh, v, cavity.old)
+    shell = list_shell(mesh, cavity.old, count, w, cavity.around_other)
     if shell == 0 or not merge_allowed(mesh, v, w, shell):
         return 0.0, 0, 0
     before, volume, planar = 2.0, 0.0, True
@@ -346,13 +344,12 @@ def exceeds_on_face(mesh, new, j, w):
 @inner_kernel
 def shell_nodes(mesh, v, w, count):
     node, cavity = mesh.elements.node, mesh.cavity
-    found = 0
-    cavity.counter[0] += 1
+    found, stamp = 0, next_stamp(cavity)
     for i in range(count):
         for k in range(4):
             a = node[cavity.around_other[i], k]
-            if a != v and a != w and cavity.node_stamp[a] != cavity.counter[0]:
-                cavity.node_stamp[a] = cavity.counter[0]
+            if a != v and a != w and cavity.node_stamp[a] != stamp:
+                cavity.node_stamp[a] = stamp
                 found += 1
     return found
 

@@ -7,10 +7,8 @@ from kohonen_adapt.kernels.triangle.geometry import (
     allowed,
     corner_towards,
     corners_around,
-    element_quality,
     has_edge,
     may_join,
-    signed_quality,
     sum_of_squares,
 )
 from kohonen_adapt.kernels.triangle.metric import (
@@ -52,7 +50,7 @@ def should_flip(position, elements, metric, e, k, other, floor):
     # where the metric varies, flips by circles alone may go round in a ring for ever
     if varies(metric.shape, p, q, r, s) and not lowers_error(position, metric.shape, p, q, r, s):
         return False
-    return may_flip_in_metric(position, elements, metric, e, k, other, floor)
+    return may_flip(position, elements, metric, e, k, other, floor)
 
 
 @inner_kernel
@@ -81,7 +79,7 @@ def interpolation_error(position, shape, a, b, c):
 
 
 @inner_kernel
-def may_flip_in_metric(position, elements, metric, e, k, other, floor):
+def may_flip(position, elements, metric, e, k, other, floor):
     node = elements.node
     p, q, r, s = corners_around(node, e, k, other)
     at_r, at_s = xy(position, r), xy(position, s)
@@ -92,25 +90,10 @@ def may_flip_in_metric(position, elements, metric, e, k, other, floor):
     before = min(
         effective_element_quality(position, metric, node, e), effective_element_quality(position, metric, node, other)
     )
-    return admits_flip(elements, e, k, r, s, after, before, floor)
-
-
-@inner_kernel
-def may_flip(position, elements, e, k, other, floor):
-    node = elements.node
-    p, q, r, s = corners_around(node, e, k, other)
-    at_r, at_s = xy(position, r), xy(position, s)
-    after = min(signed_quality(at_r, xy(position, p), at_s), signed_quality(at_s, xy(position, q), at_r))
-    before = min(element_quality(position, node, e), element_quality(position, node, other))
-    return admits_flip(elements, e, k, r, s, after, before, floor)
-
-
-@inner_kernel
-def admits_flip(elements, e, k, r, s, after, before, floor):
     if not may_join(elements, e, r, s):
         return False
     # Without a floor elements may overlap: flips of inverted elements may not terminate, and rs may be an edge already.
-    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and has_edge(elements.node, elements.neighbour, e, r, s)):
+    if after <= FLAT or before <= 0.0 or (floor == UNGUARDED and has_edge(node, elements.neighbour, e, r, s)):
         return False
     return allowed(after, before, floor)
 

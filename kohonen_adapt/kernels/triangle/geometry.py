@@ -5,7 +5,7 @@ import math
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, put, times, xy
+from kohonen_adapt.kernels.vectors import cross, dot, from_to, minus, plus_dot, times, xy
 
 SQRT12 = 2.0 * math.sqrt(3.0)
 FLAT = 1e-12  # minimum quality above rounding, required of every move and flip whatever the floor
@@ -153,16 +153,6 @@ def element_quality(position, node, e):
 
 
 @inner_kernel
-def worst_in_star(position, star, v, x):
-    worst = 2.0
-    for k in rows_of(star, v):
-        q = signed_quality(x, xy(position, star.ahead[k]), xy(position, star.behind[k]))
-        if not q >= worst:
-            worst = q
-    return worst
-
-
-@inner_kernel
 def tolerable(worst, floor):
     return floor == UNGUARDED or (worst >= floor and worst > FLAT)
 
@@ -209,24 +199,3 @@ def mark_valid(position, star, floor, first, last, is_valid):
     """
     for v in range(first, last):
         is_valid[v] = star_tolerable(position, star, v, xy(position, v), floor)
-
-
-@inner_kernel
-def may_move(position, star, v, x, floor):
-    if star_tolerable(position, star, v, x, floor):
-        return True
-    before = xy(position, v)
-    if star_tolerable(position, star, v, before, floor):
-        return False
-    worst = worst_in_star(position, star, v, x)
-    return worst > FLAT and worst >= worst_in_star(position, star, v, before)
-
-
-@kernel
-def move_to_targets(position, star, nodes, target, tolerance, floor):
-    for i in range(nodes.shape[0]):
-        v, x = nodes[i], xy(target, i)
-        if abs(x[0] - position[v, 0]) + abs(x[1] - position[v, 1]) > tolerance and may_move(
-            position, star, v, x, floor
-        ):
-            put(position, v, x)

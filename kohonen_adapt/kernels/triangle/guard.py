@@ -1,12 +1,12 @@
 """Moves of nodes under the quality rule, Euclidean or in a metric."""
 
 from kohonen_adapt.kernels.arrays import UNGUARDED
-from kohonen_adapt.kernels.numba.compilation import inner_kernel
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle import geometry
-from kohonen_adapt.kernels.triangle.geometry import FLAT, worst_in_star
+from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.kernels.triangle.metric import effective_quality
-from kohonen_adapt.kernels.vectors import xy
+from kohonen_adapt.kernels.vectors import put, xy
 
 tolerable_in_plane = geometry.star_tolerable
 
@@ -20,9 +20,7 @@ def star_tolerable(position, star, metric, v, x, floor):
 
 @inner_kernel
 def worst_around(position, star, metric, v, x):
-    # As `worst_in_star`, of effective quality.
-    if metric.relief == 1.0:
-        return worst_in_star(position, star, v, x)
+    # of effective quality
     worst = 2.0
     for k in rows_of(star, v):
         a, b = star.ahead[k], star.behind[k]
@@ -41,3 +39,12 @@ def may_move(position, star, metric, v, x, floor):
         return False
     after = worst_around(position, star, metric, v, x)
     return after > FLAT and after >= worst_around(position, star, metric, v, before)
+
+
+@kernel
+def move_to_targets(position, star, metric, nodes, target, tolerance, floor):
+    for i in range(nodes.shape[0]):
+        v, x = nodes[i], xy(target, i)
+        far = abs(x[0] - position[v, 0]) + abs(x[1] - position[v, 1]) > tolerance
+        if far and may_move(position, star, metric, v, x, floor):
+            put(position, v, x)

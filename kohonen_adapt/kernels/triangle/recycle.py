@@ -10,7 +10,7 @@ import numpy as np
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import PAIRED
-from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip_in_metric, push, should_flip
+from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip, push, should_flip
 from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around, ends_of
 from kohonen_adapt.kernels.triangle.metric import effective_element_quality
 from kohonen_adapt.kernels.triangle.surgery import (
@@ -136,7 +136,7 @@ def split_and_flip(mesh, e, k, floor, x, parameter):
         if across < 0 or elements.chain[half, j] >= 0:
             continue
         fine = allowed(effective_element_quality(position, mesh.metric, elements.node, half), before, floor)
-        if not fine and may_flip_in_metric(position, elements, mesh.metric, half, j, across, floor):
+        if not fine and may_flip(position, elements, mesh.metric, half, j, across, floor):
             flip_at(mesh, half, j)
             scratch.around_other[flips] = half
             flips += 1

@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.kernels.functionals import eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corners_of, gather_edge
+from kohonen_adapt.kernels.tetrahedron.geometry import corners_of, edge_of, gather_edge
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 
@@ -28,7 +28,7 @@ def energy_of_old(mesh, quadratic, old, count, a, b):
         for k in range(4):
             block.local[i, k], block.dof[i, k] = value_at(trial, region, node[e, k]) - own, -1
         for k in range(6):
-            p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
+            p, q = edge_of(node, e, k)
             is_removed = ((p == a and q == b) or (p == b and q == a)) and not modes.dirichlet[e, k]
             block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], 0 if is_removed else -1
         load = source_along(trial, region, a, b)
@@ -101,7 +101,7 @@ def list_edges(mesh, quadratic, count):
     for i in range(count):
         e = mesh.cavity.old[i]
         for k in range(6):
-            p, q = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
+            p, q = edge_of(node, e, k)
             if find_edge(block, edges, p, q) < edges:
                 continue
             if edges == UNKNOWNS // 2:
@@ -125,7 +125,7 @@ def gather_new(mesh, quadratic, count, known, own, base):
         for k in range(4):
             block.local[i, k], block.dof[i, k] = value_at(quadratic.trial, region, node[i, k]) - own, -1
         for k in range(6):
-            p, q = node[i, EDGES[k, 0]], node[i, EDGES[k, 1]]
+            p, q = edge_of(node, i, k)
             row = find_edge(block, edges, p, q)
             if row == edges:
                 given = min(p, q) == min(base[0], base[1]) and max(p, q) == max(base[0], base[1])

@@ -19,7 +19,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, TWELFTH_COEFFICIENT, VALUE
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, set_slopes
+from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corners_of_edge, set_slopes
 from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, shift_of, sixth_flux
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import (
     OF_EDGE,
@@ -71,7 +71,7 @@ def slopes_at(position, block, corners, at):
         for d in range(3):
             tangent[k, d] = position[corners[k], d]
     for k in range(6):
-        p, q = EDGES[k, 0], EDGES[k, 1]
+        p, q = corners_of_edge(k)
         for d in range(3):
             tangent[p, d] += 4.0 * at[q] * block.offset[k, d]
             tangent[q, d] += 4.0 * at[p] * block.offset[k, d]
@@ -97,7 +97,7 @@ def set_functions(block, i, at):
         if k < 4:
             size, slope = at[k], point(g, k)
         else:
-            p, q = EDGES[k - 4, 0], EDGES[k - 4, 1]
+            p, q = corners_of_edge(k - 4)
             size, slope = 4.0 * at[p] * at[q], times(4.0, weighted(at[p], point(g, q), at[q], point(g, p)))
         put(block.gradient, k, slope)
         value += u[i, k] * size
@@ -254,7 +254,7 @@ def set_fields(g, t, u, i):
         for k in range(4):
             t[k, d] = constant
     for edge in range(6):
-        p, q = EDGES[edge, 0], EDGES[edge, 1]
+        p, q = corners_of_edge(edge)
         mode = 4.0 * u[i, 4 + edge]
         for d in range(3):
             t[p, d] += mode * g[q, d]
@@ -283,7 +283,7 @@ def add_unknowns(block, i, weight, pull, flux, wanted):
             e = point(g, own)
             rest = 0.5 * weight * dot(e, sum_of_slopes(t)) - pull
         else:
-            p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
+            p, q = corners_of_edge(own - 4)
             e = plus(point(g, p), point(g, q))
             rest = dot(point(g, p), point(t, q)) + dot(point(g, q), point(t, p))
             rest = 0.4 * weight * rest - OF_EDGE * pull
@@ -301,10 +301,10 @@ def add_unknowns(block, i, weight, pull, flux, wanted):
 def stiffness_of(product, own, other):
     if own < 4:
         return 2.0 * product[own, other]
-    i, j = EDGES[own - 4, 0], EDGES[own - 4, 1]
+    i, j = corners_of_edge(own - 4)
     if other < 4:
         return 2.0 * (product[i, other] + product[j, other])
-    k, m = EDGES[other - 4, 0], EDGES[other - 4, 1]
+    k, m = corners_of_edge(other - 4)
     total = product[j, m] + product[j, k] + product[i, m] + product[i, k]
     if i == k:
         total += product[j, m]
@@ -327,7 +327,7 @@ def add_mixed(block, row, own, weight, rest, flux):
         part = weighted(dot(s, x), e, products[own, 0], s)
         add_to(block.mixed, row, combined(rest, x, along, e, -0.5 * weight, part))
         return
-    p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
+    p, q = corners_of_edge(own - 4)
     at_p, at_q = point(t, p), point(t, q)
     part = combined(dot(at_q, x), point(g, p), dot(at_p, x), point(g, q), products[p, 0], at_q)
     part = plus_times(part, products[q, 0], at_p)

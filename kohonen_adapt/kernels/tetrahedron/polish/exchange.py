@@ -11,22 +11,22 @@ import numpy as np
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, MOST, UNKNOWNS
 from kohonen_adapt.kernels.tetrahedron.geometry import (
-    EDGES,
     FLAT,
     allowed,
     corner_of,
     cubed_quality,
     cubed_quality_at,
+    edge_of,
     element_quality,
     gather_around,
+    list_neighbours,
+    list_shell,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import energy_of_old, solve_unknowns, store_new
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along
 from kohonen_adapt.kernels.tetrahedron.polish.exchange_order1 import (
     energy_merged,
     gain_of_split,
-    list_neighbours,
-    list_shell,
     other_corners,
 )
 from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import energy_merged_order2, gain_of_split_order2
@@ -72,12 +72,12 @@ def weigh_splits(mesh, trial, quadratic, offers, p, floor, nodes):
     node, cavity = mesh.elements.node, mesh.cavity
     for v in nodes:
         count = gather_around(mesh, v, cavity.old)
-        for j in range(list_neighbours(mesh, v, count)):
+        for j in range(list_neighbours(mesh, v, cavity.old, count)):
             w = cavity.made[j]
             if w < v:
                 continue
             gain, unknowns = 1.0, 1
-            shell = list_shell(mesh, count, w)
+            shell = list_shell(mesh, cavity.old, count, w, cavity.around_other)
             if quadratic is None:  # before the checks, which are slower
                 if trial.fixed[v] and trial.fixed[w] and (offers.lone[v] or offers.lone[w]):
                     continue  # Dirichlet values between both nodes are unknown
@@ -102,7 +102,7 @@ def cheapest_collapse(mesh, trial, quadratic, v, most, floor):
     saved = 0
     count = gather_around(mesh, v, mesh.cavity.old)
     before, worst = energy_around(mesh, trial, quadratic, v, count)
-    neighbours, least = list_neighbours(mesh, v, count), max(FLAT, min(floor, worst))
+    neighbours, least = list_neighbours(mesh, v, mesh.cavity.old, count), max(FLAT, min(floor, worst))
     for i in range(neighbours if neighbours < UNKNOWNS else 0):
         w = mesh.cavity.made[i]
         if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
@@ -183,7 +183,7 @@ def merge(mesh, quadratic, queue, offers, v, w, floor):
     offers.removable[v] = False
     if quadratic is not None:
         count = gather_around(mesh, v, mesh.cavity.old)
-        neighbours = list_neighbours(mesh, v, count)
+        neighbours = list_neighbours(mesh, v, mesh.cavity.old, count)
         energy_merged_order2(mesh, quadratic, v, w, count, neighbours, FLAT)
         solve_unknowns(quadratic.block)
     _, old, new = prepare_collapse(mesh, v, w, floor, UNLIMITED)  # the same elements in the same order
@@ -292,7 +292,7 @@ def halves_allowed(mesh, count, a, b, floor):
 @inner_kernel
 def edge_between(node, e, a, b):
     for edge in range(5):
-        v, w = node[e, EDGES[edge, 0]], node[e, EDGES[edge, 1]]
+        v, w = edge_of(node, e, edge)
         if (v == a and w == b) or (v == b and w == a):
             return edge
     return 5

@@ -113,36 +113,6 @@ def filled_slivers(mesh, trial, shell, count, a, b):
 
 
 @inner_kernel
-def list_neighbours(mesh, v, count):
-    """List the neighbours of v in `cavity.made`, and return their count.
-
-    The elements around v must be in `cavity.old`.
-    """
-    node, cavity = mesh.elements.node, mesh.cavity
-    found = 0
-    cavity.counter[0] += 1
-    cavity.node_stamp[v] = cavity.counter[0]
-    for i in range(count):
-        for k in range(4):
-            w = node[cavity.old[i], k]
-            if cavity.node_stamp[w] != cavity.counter[0]:
-                cavity.node_stamp[w] = cavity.counter[0]
-                cavity.made[found] = w
-                found += 1
-    return found
-
-
-@inner_kernel
-def list_shell(mesh, count, w):
-    found = 0
-    for i in range(count):
-        if corner_of(mesh.elements.node, mesh.cavity.old[i], w) >= 0:
-            mesh.cavity.around_other[found] = mesh.cavity.old[i]
-            found += 1
-    return found
-
-
-@inner_kernel
 def energy_merged(mesh, trial, v, w, count, least):
     """Return the functional of the elements around v after merging v into w.
 

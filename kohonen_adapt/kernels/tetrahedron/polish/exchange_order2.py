@@ -10,7 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import UNKNOWNS
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corner_of, element_quality
+from kohonen_adapt.kernels.tetrahedron.geometry import corner_of, edge_of, element_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import energy_of_old, least_energy
 from kohonen_adapt.kernels.tetrahedron.polish.energy import value_at
 from kohonen_adapt.kernels.tetrahedron.polish.star import EDGE_OF
@@ -34,7 +34,7 @@ def write_element(mesh, quadratic, i, e, end, p, own, rows):
         mesh.cavity.new[i, k], block.dof[i, k] = v, -1
         block.local[i, k] = value_at(quadratic.trial, mesh.cavity.region[i], v) - own
     for k in range(6):
-        first, second = node[e, EDGES[k, 0]], node[e, EDGES[k, 1]]
+        first, second = edge_of(node, e, k)
         if first != end and second != end:
             block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], -1
             block.given[i, k] = modes.dirichlet[e, k]

@@ -13,7 +13,7 @@ cheap. Corners are in the order of their nodes, so that the functional of an ele
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import POSITION
-from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
+from kohonen_adapt.kernels.tetrahedron.geometry import corners_of_edge
 from kohonen_adapt.kernels.vectors import (
     ZERO,
     add_to,
@@ -101,7 +101,7 @@ def corner_slope(g, own, a):
     # Return the gradient of a function at corner a.
     if own < 4:
         return point(g, own)
-    p, q = EDGES[own - 4, 0], EDGES[own - 4, 1]
+    p, q = corners_of_edge(own - 4)
     if a == p:
         return times(4.0, point(g, q))
     return times(4.0, point(g, p)) if a == q else ZERO

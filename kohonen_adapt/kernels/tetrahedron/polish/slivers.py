@@ -183,11 +183,9 @@ def filled_by_split(mesh, trial, e, k, a, b):
     for i in range(1, 3):
         if c in (a, b):
             c = elements.node[e, corners[i]]
-    start = position_of(position, a, UNMOVED)
-    end, third = position_of(position, b, UNMOVED), position_of(position, c, UNMOVED)
-    if elements.neighbour[e, k] >= 0 and not is_outside(
-        surfaces, p, start, end, third, position_of(position, elements.node[e, k], UNMOVED)
-    ):
+    start, end, third = point(position, a), point(position, b), point(position, c)
+    top = point(position, elements.node[e, k])
+    if elements.neighbour[e, k] >= 0 and not is_outside(surfaces, p, start, end, third, top):
         return 0.0
     middle = onto_patch(surfaces, p, times(0.5, plus(start, end)))
     before = sliver_volume(surfaces, p, start, end, third)

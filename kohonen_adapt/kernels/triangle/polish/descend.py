@@ -8,7 +8,7 @@ from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, FREE, HELD, OWN, POSITION, ROWS, UNKNOWNS, VALUE, WITHOUT
 from kohonen_adapt.kernels.triangle.chains import direction_of, point_at
-from kohonen_adapt.kernels.triangle.geometry import may_move
+from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.triangle.polish import linear
 from kohonen_adapt.kernels.triangle.polish.linear import TRIES, around, improve_value, least_parabola
 from kohonen_adapt.kernels.triangle.polish.patch import (
@@ -19,6 +19,7 @@ from kohonen_adapt.kernels.triangle.polish.patch import (
     may_centre,
     number_unknowns,
     respond,
+    term_of,
 )
 from kohonen_adapt.kernels.triangle.polish.rows import gather_star, put_star
 from kohonen_adapt.kernels.vectors import (
@@ -53,7 +54,7 @@ def descend_nodes(descents, higher, order, floor):
     for v in order:
         kind, first = constraints.kind[v], 1 if fixed[v] else 0  # first free unknown
         for i in range(descents.terms):
-            descent = descents.primal if i == 0 else descents.dual
+            descent = term_of(descents, i)
             if len(higher) > 0:
                 gather_star(descent, v)
                 number_unknowns(descent, True)
@@ -187,7 +188,7 @@ def move_linear(descents, v, chain, first, floor):
     step = step_of(chain, gradient, hessian)
     for _ in range(HALVINGS + 1 if -dot(step, gradient) > ROUNDING * magnitude else 0):
         x, parameter = target_of(position, constraints, v, chain, step)
-        if may_move(position, star, v, x, floor):
+        if may_move(position, star, constraints.metric, v, x, floor):
             w = value_on(trial, chain, parameter) - trial.value[v] if first else -plus_dot(by_w, mixed, step) / ww
             if trial.nonlinear[v]:
                 c, r, k = least_parabola(position, star, trial, v, x, w, first)
@@ -226,14 +227,14 @@ def move(descents, v, chain, first, floor):
     magnitude = now = 0.0
     gradient, hessian = (0.0, 0.0), ZERO
     for i in range(descents.terms):
-        part = eliminated(primal if i == 0 else descents.dual, v, chain, first)
+        part = eliminated(term_of(descents, i), v, chain, first)
         if not part[0]:
             return 0.0
         magnitude, now = magnitude + part[1], now + part[2]
         gradient, hessian = plus(gradient, part[3]), plus(hessian, part[4])
     step, is_valid = step_of(chain, gradient, hessian), may_centre(primal, xy(position, v))
     for i in range(descents.terms):
-        block = (primal if i == 0 else descents.dual).block
+        block = term_of(descents, i).block
         correct(block, first)
         respond(block, first, step)
     if primal.trial.nonlinear[v]:
@@ -241,7 +242,7 @@ def move(descents, v, chain, first, floor):
     gain, length = 0.0, 1.0
     for _ in range(HALVINGS + 1 if -dot(step, gradient) > ROUNDING * magnitude else 0):
         x, parameter = target_of(position, constraints, v, chain, times(length, step))
-        if is_valid and may_move(position, primal.star, v, x, floor) and may_centre(primal, x):
+        if is_valid and may_move(position, primal.star, constraints.metric, v, x, floor) and may_centre(primal, x):
             gain = gain_at(descents, v, chain, first, x, parameter, length, now)
             if gain > ROUNDING * magnitude:
                 put(position, v, x)
@@ -251,7 +252,7 @@ def move(descents, v, chain, first, floor):
             gain = 0.0
         length *= 0.5
     for i in range(descents.terms):
-        finish(primal if i == 0 else descents.dual, v, first, gain > 0.0)
+        finish(term_of(descents, i), v, first, gain > 0.0)
     return gain
 
 
@@ -264,7 +265,7 @@ def gain_at(descents, v, chain, first, x, parameter, length, now):
     """
     gain, nonlinear = now, descents.primal.trial.nonlinear[v]
     for i in range(descents.terms):
-        descent = descents.primal if i == 0 else descents.dual
+        descent = term_of(descents, i)
         block = descent.block
         if first:
             set_value(block, value_on(descent.trial, chain, parameter))

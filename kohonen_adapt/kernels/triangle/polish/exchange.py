@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, OWN, ROWS
 from kohonen_adapt.kernels.triangle.geometry import corner_of, ends_of
 from kohonen_adapt.kernels.triangle.polish import linear
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
-from kohonen_adapt.kernels.triangle.polish.patch import derivatives, may_centre, minimise, number_unknowns
+from kohonen_adapt.kernels.triangle.polish.patch import derivatives, may_centre, minimise, number_unknowns, term_of
 from kohonen_adapt.kernels.triangle.polish.rows import (
     gather_beside,
     gather_halves,
@@ -88,7 +88,7 @@ def gain_of_split(descents, higher, e, k, x):
     """
     gain, magnitude = 0.0, 0.0
     for i in range(descents.terms):
-        descent = descents.primal if i == 0 else descents.dual
+        descent = term_of(descents, i)
         if len(higher) == 0:
             decrease, more = change_by_linear_split(descent, e, k, x)
         else:
@@ -138,7 +138,7 @@ def weigh_collapses(mesh, descents, higher, offers, most, floor, first, last):
             for row in rows_of(star, v):
                 farthest = min(farthest, FAR * squared_distance(position, v, xy(position, star.ahead[row])))
         for i in range(descents.terms):
-            before += least_around(descents.primal if i == 0 else descents.dual, higher, v)
+            before += least_around(term_of(descents, i), higher, v)
         for j in rows_of(star, v):
             for i in range(2):
                 w = merge_target(mesh, star, v, j, i)
@@ -146,7 +146,7 @@ def weigh_collapses(mesh, descents, higher, offers, most, floor, first, last):
                     continue
                 cost = -before
                 for term in range(descents.terms):
-                    cost += merged(descents.primal if term == 0 else descents.dual, higher, v, w)
+                    cost += merged(term_of(descents, term), higher, v, w)
                 # after the cost, because the checks take longer
                 if cost < least and collapsed_quality(mesh, v, w, np.inf, floor) > 0.0:
                     offers.cost[v], offers.into[v], least = cost, w, cost
@@ -253,7 +253,7 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
         decrease += gain - offers.cost[v]
         lock_around(mesh, v, locked)
         for i in range(descents.terms if len(higher) > 0 else 0):
-            put_merged(descents.primal if i == 0 else descents.dual, higher, v, w)
+            put_merged(term_of(descents, i), higher, v, w)
         collapse(mesh, v, w)
         a, b = ends_of(elements.node, e, k)
         x, parameter = midpoint(mesh, elements.chain[e, k], a, b)
@@ -261,7 +261,7 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
         known = is_dirichlet(descents.primal, higher, e, k)
         p = split(mesh, e, k, x, parameter)
         for i in range(descents.terms):
-            descent = descents.primal if i == 0 else descents.dual
+            descent = term_of(descents, i)
             descent.trial.value[p], descent.trial.fixed[p] = descent.block.own[0] + descent.block.local[0, 0], known
             if len(higher) > 0:
                 put_halves(mesh, descent, p)

@@ -6,7 +6,7 @@ from kohonen_adapt.kernels.triangle.flip import flip_edge, mark_neighbours, may_
 from kohonen_adapt.kernels.triangle.geometry import corner_of, corners_around, twice_area
 from kohonen_adapt.kernels.triangle.polish import linear
 from kohonen_adapt.kernels.triangle.polish.descend import ROUNDING
-from kohonen_adapt.kernels.triangle.polish.patch import derivatives, may_centre, minimise, number_unknowns
+from kohonen_adapt.kernels.triangle.polish.patch import derivatives, may_centre, minimise, number_unknowns, term_of
 from kohonen_adapt.kernels.triangle.polish.rows import (
     gather_beside,
     gather_flipped,
@@ -29,7 +29,7 @@ def descend_flips(descents, higher, floor, gainful, first, last, marks):
     edge is flipped, and elements are marked whose edge to an element of greater index is gainful. Return the gain and
     the number of flips.
     """
-    position, elements = descents.primal.position, descents.primal.elements
+    position, elements, metric = descents.primal.position, descents.primal.elements, descents.primal.constraints.metric
     gain, flips = 0.0, 0
     for e in range(first, last):
         gainful[e] &= not marks
@@ -40,7 +40,7 @@ def descend_flips(descents, higher, floor, gainful, first, last, marks):
             decrease = gain_of_flip(descents, higher, e, k, other)
             if marks:
                 gainful[e] = decrease > 0.0
-            elif decrease > 0.0 and may_flip(position, elements, e, k, other, floor):
+            elif decrease > 0.0 and may_flip(position, elements, metric, e, k, other, floor):
                 flip(descents, higher, e, k, other)
                 gain += decrease
                 flips += 1
@@ -54,7 +54,7 @@ def flip(descents, higher, e, k, other):
     q = descents.primal.elements.node[e, (k + 2) % 3]
     flip_edge(descents.primal.elements, e, k)
     for i in range(descents.terms if len(higher) > 0 else 0):
-        descent = descents.primal if i == 0 else descents.dual
+        descent = term_of(descents, i)
         put_row(descent, 0, e, k)
         put_row(descent, 1, other, (corner_of(descent.elements.node, other, q) + 1) % 3)
 
@@ -67,7 +67,7 @@ def gain_of_flip(descents, higher, e, k, other):
     """
     gain, magnitude = 0.0, 0.0
     for i in range(descents.terms):
-        descent = descents.primal if i == 0 else descents.dual
+        descent = term_of(descents, i)
         if len(higher) == 0:
             decrease, more = change_by_linear_flip(descent, e, k, other)
         else:

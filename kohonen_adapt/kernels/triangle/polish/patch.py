@@ -50,6 +50,11 @@ EVEN, ODD, BUBBLE = 3, 6, 9  # index of the first function of each kind
 
 
 @inner_kernel
+def term_of(descents, i):
+    return descents.primal if i == 0 else descents.dual
+
+
+@inner_kernel
 def number_unknowns(descent, has_value):
     """Number the unknowns of the block, from 1 without a value at the centre."""
     block, degrees = descent.block, descent.modes.side.shape[2]
