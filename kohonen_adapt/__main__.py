@@ -200,7 +200,7 @@ def _init(arguments: argparse.Namespace, terminal: Terminal) -> int:
     if path.exists():
         raise FileExistsError(f"init does not overwrite '{path}'; choose another name with -o CASE.toml.")
     mesh, groups = read_mesh(arguments.mesh, scale=arguments.scale), read_groups(arguments.mesh)
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     for doubt in unit_doubts(mesh, arguments.scale):
         terminal.warn(doubt)
     with whole_file(path) as draft:
@@ -217,7 +217,7 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
         case = read_case(arguments.mesh)
         return _say_plan(case, _read_mesh(case, arguments.mesh, terminal), arguments.mesh, terminal)
     mesh = read_mesh(arguments.mesh, scale=arguments.scale)
-    check_mesh(mesh, curved=True, inverted=True, space=True)
+    check_mesh(mesh, inverted=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
     terminal.say("\n".join([*described(corners), *points_described(groups)]))

@@ -21,6 +21,7 @@ __all__ = [
     "IntsPair",
     "Mask",
     "Texts",
+    "copied",
     "counted",
     "free_rows",
     "grouped",
@@ -84,3 +85,7 @@ def unique_pairs(one: Ints, other: Ints) -> IntsPair:
     """Return the different pairs of indices in ascending order."""
     count = int(other.max(initial=0)) + 1
     return np.divmod(np.unique(one.astype(np.int64) * count + other), count)
+
+
+def copied(arrays: Any) -> Any:
+    return arrays._make(array.copy() for array in arrays)

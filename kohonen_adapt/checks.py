@@ -61,9 +61,9 @@ def check_fields(instance: object, **checks: Callable[[Any, str], Any]) -> None:
         object.__setattr__(instance, field, check(getattr(instance, field), what))
 
 
-def check_count(name: str, value: object) -> None:
-    if not is_count(value):
-        raise ValueError(f"{name} must be an integer >= 0; got {value!r}.")
+def check_count(name: str, value: Any, least: int = 0) -> None:
+    if not is_count(value) or value < least:
+        raise ValueError(f"{name} must be an integer >= {least}; got {value!r}.")
 
 
 def check_tolerance(name: str, value: object) -> None:

@@ -159,7 +159,7 @@ class Case:
             If the file cannot be read.
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
-        check_kind(mesh, curved=True, space=True)
+        check_kind(mesh)
         _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh

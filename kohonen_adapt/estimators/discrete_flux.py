@@ -75,7 +75,7 @@ def discrete_flux(
     varying: bool = True,
 ) -> DiscreteFlux:
     # A flux of shape (d, nelements) is constant in elements. Without `varying` no other is allowed.
-    check_mesh(mesh, curved=order > 1, space=True)
+    check_mesh(mesh, curved=order > 1)
     number_facets(mesh)
     dim, nelements = len(mesh.p), mesh.nelements
     shape = {str(dim): dim, str(dim + 1): dim + 1, "nelements": nelements}

@@ -178,7 +178,7 @@ def goal_error(
 def _problems(
     mesh: Mesh, potential: ArrayLike, dual: ArrayLike, reluctivity: ArrayLike, data: Data, dual_data: Data
 ) -> tuple[DiscreteFlux, DiscreteFlux]:
-    check_mesh(mesh, curved=True, space=True)
+    check_mesh(mesh)
     orders = (2, 3) if cell_of(mesh) is TRIANGLE else ()
     order = next((order for order in orders if np.size(potential) == count_unknowns(mesh, order)), 1)
     first = discrete_flux(mesh, potential, reluctivity, *data, order)

@@ -196,7 +196,7 @@ def duality_gap(
     True
     """
     _check_plane(mesh)
-    check_mesh(mesh)
+    check_mesh(mesh, curved=False, space=False)
     nnodes, nelements = mesh.nvertices, mesh.nelements
     nodal = finite_reals("potential", potential, {"nnodes": nnodes}, "node")
     corners = finite_reals("field", field, {"2": 2, "3": 3, "nelements": nelements}, "element")
@@ -254,7 +254,7 @@ def _check_plane(mesh: object) -> None:
             "mesh must be a skfem.MeshTri: fluxes are not equilibrated in space; got MeshTet1. Take "
             "estimators.residual or estimators.recovery."
         )
-    check_kind(mesh)
+    check_kind(mesh, curved=False, space=False)
 
 
 def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[FluxData, Int64s]:

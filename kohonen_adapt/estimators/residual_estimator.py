@@ -217,7 +217,7 @@ def residual(
         raise ValueError(f"order must be 1, 2 or 3; got {order!r}.")
     facets = None if joined is None else (np.asarray(joined[0]), np.asarray(joined[1]), np.asarray(joined[2]))
     if order > 1:
-        check_mesh(mesh, curved=True, space=True)
+        check_mesh(mesh)
         if cell_of(mesh) is not TRIANGLE:
             raise ValueError(f"order must be 1 on tetrahedra; got {order!r}. Orders 2 and 3 are for triangles.")
     return residual_of(discrete_flux(mesh, potential, reluctivity, source, flux, order), facets)

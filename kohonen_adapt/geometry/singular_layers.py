@@ -1,6 +1,5 @@
 """Geometric layers of elements at singular nodes and edges."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,11 +8,12 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.checks import is_count, is_number
+from kohonen_adapt.checks import check_count, is_number
 from kohonen_adapt.geometry.pieces import FoldedLayers
 from kohonen_adapt.geometry.plane.corner_layers import with_corner_layers
 from kohonen_adapt.geometry.plane.curves import Curve
 from kohonen_adapt.geometry.space.edge_layers import with_edge_layers
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.cells import cell_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import ascending, edges_between
@@ -25,8 +25,6 @@ __all__ = ["FACTOR", "RESOLVED", "refined_at", "sizes_at", "with_layers_at"]
 
 FACTOR = 0.15  # ratio of the sizes of successive layers
 RESOLVED = 1e-14  # size of elements that coordinates resolve, relative to the coordinates
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 def refined_at(
@@ -89,9 +87,8 @@ def refined_at(
     >>> ka.refined_at(cube, edges=cube.edges[:, :1], layers=1).nelements > cube.nelements
     True
     """
-    check_mesh(mesh, curved=True, space=True)
-    if not is_count(layers) or layers < 1:
-        raise ValueError(f"layers must be an integer >= 1; got {layers!r}.")
+    check_mesh(mesh)
+    check_count("layers", layers, 1)
     if not is_number(factor) or not 0.0 < factor < 1.0:
         raise ValueError(f"factor must be a number between 0 and 1; got {factor!r}.")
     count = mesh.nvertices

@@ -1,6 +1,5 @@
 """Meshes of triangles and tetrahedra from the content of mesh files."""
 
-import logging
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,7 @@ from kohonen_adapt.io.content import (
 )
 from kohonen_adapt.io.curved_sides import ORDERS, TEN_NODES, order_of_sides, with_curved_edges, with_curved_sides
 from kohonen_adapt.io.groups import by_group, name_of
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, keys_of, number_facets, of_kind, set_boundaries
@@ -32,7 +32,6 @@ from kohonen_adapt.mesh.measures import area, directed, is_in_front, signed_area
 
 __all__ = ["of_positive_volume", "to_mesh"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 Sets = dict[str, Ints]
 

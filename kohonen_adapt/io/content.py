@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.mesh.host import keys_of
@@ -238,11 +237,11 @@ def rows_in(known: Ints, wanted: Ints) -> Ints:
     return indices_in(key[: len(known)], key[len(known) :])
 
 
-def parse_numbers(text: str | bytes, kind: DTypeLike = float) -> Array:
+def parse_numbers(text: str | bytes) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # numpy only warns about some invalid text
         try:
-            return np.fromstring(text.strip(), kind, sep=" ")
+            return np.fromstring(text.strip(), sep=" ")
         except (DeprecationWarning, RuntimeWarning, ValueError):
             raise ValueError("a section of numbers has other text") from None
 

@@ -10,6 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.polylines import polylines_of
 from kohonen_adapt.geometry.plane.spline import Spline
 from kohonen_adapt.io.content import TRIANGLE, Content, check_finite, check_flat, rows_in, shape_of
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import corners_of, with_midside_offsets, with_midsides
 from kohonen_adapt.mesh.host import number_edges
@@ -17,7 +18,6 @@ from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["ORDERS", "TEN_NODES", "order_of_sides", "to_curves", "with_curved_edges", "with_curved_sides"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5}
 """Gmsh's numbers for triangles to their order p; p - 1 nodes of each of `SIDES` follow the corners."""

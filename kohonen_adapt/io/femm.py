@@ -1,6 +1,5 @@
 """Meshes from the solution files (.ans) of FEMM."""
 
-import logging
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -12,10 +11,10 @@ from numpy.typing import NDArray
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.io.content import Content, Named, as_value_error, content_of_sets, in_space
+from kohonen_adapt.log import logger
 
 __all__ = ["read_ans"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 UNITS = {
     "inches": 0.0254,

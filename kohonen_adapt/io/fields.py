@@ -100,7 +100,7 @@ def read_field(path: FilePath, mesh: Mesh, name: str | None = None, *, scale: fl
     ((8, 2, 2), (8, 2, 2))
     """
     path = Path(path)
-    check_mesh(mesh, curved=True, space=True)
+    check_mesh(mesh)
     mesh = corners_of(mesh)
     if not 0.0 < scale < np.inf:
         raise ValueError(f"scale must be a finite number > 0; got {scale!r}.")

@@ -1,6 +1,5 @@
 """Numbers and names of the physical groups of mesh files."""
 
-import logging
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -13,11 +12,11 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, grouped
 from kohonen_adapt.io.content import DIMENSION, LARGEST_TAG, LINE, POINT, TETRAHEDRON, TRIANGLE, Content
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.host import is_own_name
 
 __all__ = ["UNNAMED", "Groups", "by_group", "name_of", "numbers_for", "to_groups"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 UNNAMED = {2: ("point_{}", "boundary_{}", "region_{}"), 3: ("point_{}", "curve_{}", "boundary_{}", "region_{}")}
 """Dimension of a mesh to the default names of groups of dimension 0, 1, ..."""

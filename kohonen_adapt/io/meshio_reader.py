@@ -3,7 +3,6 @@
 Only `meshio.<format>.read` is called, because `meshio.read` prints errors and ends the process.
 """
 
-import logging
 import re
 import warnings
 from collections.abc import Callable, Iterator
@@ -38,10 +37,10 @@ from kohonen_adapt.io.content import (
 from kohonen_adapt.io.groups import UNNAMED
 from kohonen_adapt.io.meshio_formats import FORMATS, MARKER, is_ucd
 from kohonen_adapt.io.vtu import BOUNDARY, LAGRANGE, SUBDOMAIN, mean_weights, sides_of
+from kohonen_adapt.log import logger
 
 __all__ = ["FORMATS", "WITH_FIELDS", "read_arrays", "read_content"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 

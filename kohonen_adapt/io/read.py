@@ -170,7 +170,7 @@ def read_curves(path: FilePath, mesh: MeshTri, *, scale: float = 1.0) -> dict[st
     """
     path = Path(path)
     _reader(path, scale, "read_curves", CURVED)
-    check_mesh(mesh, curved=True, inverted=True)
+    check_mesh(mesh, inverted=True, space=False)
     return to_curves(read_msh(path), mesh, path, float(scale))
 
 

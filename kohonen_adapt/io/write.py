@@ -1,6 +1,5 @@
 """Writer of meshes with their names and fields."""
 
-import logging
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from kohonen_adapt.io.elmer import write_elmer
 from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.vtu import write_vtu
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.curved import is_second_order
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.names import named_sets
@@ -26,7 +26,6 @@ from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = ["WRITTEN", "check_names_written", "write_mesh"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 WRITTEN = (*MSH_VERSION, ".vtu")
 """Suffixes of mesh files that can be written."""
@@ -110,7 +109,7 @@ def write_mesh(
     for_elmer = path.is_dir() or not path.suffix
     remedy = CONVERTED.get(path.suffix.lower(), "").format(path.stem, path.name)
     suffix = "" if for_elmer else suffix_of(path, "write_mesh", WRITTEN, remedy)
-    check_mesh(mesh, curved=True, inverted=True, space=True)
+    check_mesh(mesh, inverted=True)
     inside = _checked_inside(mesh, point_data, path)
     mesh = mesh if inside else of_positive_volume(mesh)  # values inside have the order of the corners
     subdomains = _checked_sets(mesh.subdomains, "subdomain")

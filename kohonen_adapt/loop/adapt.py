@@ -217,7 +217,7 @@ def adapt(
     stop = stop_test(mesh, passes, asked, target_nodes, callback, max_nodes)
     checked = checked_problem(problem, rtol)
     check_goal(checked, goal_rtol, outputs)
-    check_mesh(mesh, curved=True, inverted=True, space=True)
+    check_mesh(mesh, inverted=True)
     given = Rules(TOPOLOGY if topology is None else topology, min_quality, pinned, curves, (), layers, surfaces)
     rules = rules_for(checked, mesh, given, periodic)
     functions = check_outputs(outputs, output_rtol)

@@ -1,6 +1,5 @@
 """Parts of the adaptive loop for triangles and for tetrahedra."""
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.log import logger
 from kohonen_adapt.loop.state import stalls_by_estimate, stalls_by_functional
 from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.polishing.chords import longest_on_arcs
@@ -41,8 +41,6 @@ from kohonen_adapt.som.relocate import (
 )
 from kohonen_adapt.som.relocation_record import Moved
 from kohonen_adapt.som.schedule import BEFORE_POLISH, Schedule
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ The passes grade the mesh at order 2. Then layers at the corners of the field an
 time than more nodes, because the error falls exponentially (B. Guo and I. Babuska, Comput. Mech. 1, 1986).
 """
 
-import logging
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from skfem import Mesh
 
 from kohonen_adapt.display import counted
 from kohonen_adapt.geometry.singular_layers import with_layers_at
+from kohonen_adapt.log import logger
 from kohonen_adapt.loop.corners import singular_parts
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.sides import on_whole_curves
@@ -20,8 +20,6 @@ from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.problem.protocol import CheckedProblem
-
-logger = logging.getLogger("kohonen_adapt")
 
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most

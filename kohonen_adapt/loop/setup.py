@@ -1,6 +1,5 @@
 """Checks and choices of an adaptive loop before its first pass."""
 
-import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -9,6 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.checks import is_count
 from kohonen_adapt.geometry.rules import Rules, check_for, with_pinned
+from kohonen_adapt.log import logger
 from kohonen_adapt.loop.grading import HIGH_ORDERS, GradingTolerance
 from kohonen_adapt.loop.growth import MAX_NODES, Growth, GrowthByTolerance, NodeCounts
 from kohonen_adapt.loop.passes import Pass
@@ -18,8 +18,6 @@ from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.problem.evaluation import Output, curves_of
 from kohonen_adapt.problem.protocol import CheckedProblem
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 def rules_for(problem: CheckedProblem, mesh: Mesh, rules: Rules, periodic: Sequence[Pair] | None) -> Rules:

@@ -1,6 +1,5 @@
 """Relocation, polish and reasons of held nodes, without a loop of passes."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -18,6 +17,7 @@ from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
 from kohonen_adapt.geometry.space.surfaces import Surface
 from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.log import logger
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.loop.passes import work_of
@@ -29,8 +29,6 @@ from kohonen_adapt.problem.evaluation import curves_of, ritz_of
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered, Problem, check_names
 from kohonen_adapt.som.relocate import report_sagitta
 from kohonen_adapt.som.schedule import Schedule, check_training
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @with_nearest_names({"size": "density", "sizes": "density", "indicators": "density", "fixed": "pinned"})
@@ -123,7 +121,7 @@ def relocate(
     """
     check_training(schedule, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     method = method_of(mesh)
     check_for(rules, method.dim)
     layered = with_thin_layers(mesh, rules)
@@ -229,7 +227,7 @@ def polish(
     checked = CheckedProblem(problem)
     check_polish(checked, sweeps, topology, seed)
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     method = method_of(mesh)
     movable = method.open(mesh, with_pinned(rules, checked.nodes_on(mesh)), checked.is_curved)
     mesh = movable.start()
@@ -301,7 +299,7 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
     >>> str(why[0]), str(why[12]), int((why == "").sum())
     ("corner of boundary 'rim', 90 degrees", 'pinned by number', 20)
     """
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     if isinstance(problem, Rules):
         if rules is not None:
             raise TypeError("why_held requires Rules once, as problem or as rules; got both.")

@@ -87,7 +87,7 @@ class Arguments:
     sides: Mapping[str, Curve] | None = None
 
     def __post_init__(self) -> None:
-        order = checked_choices(self, 2, ORDERS, ESTIMATORS)
+        order = checked_choices(self, 2)
         check_materials(self.materials, 2)
         self._check_fixed()
         self._check_depth()
@@ -210,15 +210,15 @@ class Arguments:
         return x, y
 
 
-def checked_choices(problem: Any, dim: int, orders: range, estimators: Sequence[str]) -> int:
+def checked_choices(problem: Any, dim: int) -> int:
     """Check estimator, order and goal of a problem, and return the order."""
     estimator, order = problem.estimator, problem.order
-    if estimator not in estimators:
-        raise ValueError(f"estimator must be one of {', '.join(map(repr, estimators))}; got {estimator!r}.")
+    if estimator not in ESTIMATORS:
+        raise ValueError(f"estimator must be one of {', '.join(map(repr, ESTIMATORS))}; got {estimator!r}.")
     if isinstance(order, AutoOrder) or str(order) == "auto":
         # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space
         order = AutoOrder(2 if estimator == "residual" else 1)
-    checked_order(order, orders, ", or 'auto'")
+    checked_order(order, ORDERS, ", or 'auto'")
     if not isinstance(problem.curved, bool):
         raise ValueError(f"curved must be True or False; got {problem.curved!r}.")
     if order > 1 and estimator != "residual":
@@ -241,7 +241,7 @@ def checked_order(order: int, orders: range = ORDERS, alternative: str = "") -> 
 
 def check_plane_mesh(mesh: Any, curved: bool) -> None:
     try:
-        check_mesh(mesh, curved=curved)
+        check_mesh(mesh, curved=curved, space=False)
     except ValueError as error:
         if isinstance(mesh, TETRAHEDRON.mesh):
             raise ValueError(f"{error} Tetrahedra are for MagneticScalarPotential.") from None
@@ -323,7 +323,7 @@ class ArgumentsInSpace:
             wanted, found = " or ".join(kind.__name__.removesuffix("1") for kind in kinds), type(mesh).__name__
             straight = f" Set order=2 for curved edges, or k{remedy_for(mesh, True)[1:]}" * (found == "MeshTet2")
             raise ValueError(f"mesh must be a skfem.{wanted}; got {found}.{plane}{straight}")
-        check_mesh(mesh, curved=True, space=True)
+        check_mesh(mesh)
         mesh = corners_of(mesh)
         number_facets(mesh)
         planes = {name: mirror_of(mesh, name, kind) for name, kind in (self.symmetry or {}).items()}

@@ -181,7 +181,7 @@ def cell_of(mesh: Mesh) -> Cell:
     return next(cell for cell in CELLS.values() if type(mesh) in (cell.mesh, cell.curved_mesh))
 
 
-def check_kind(mesh: object, curved: bool = False, space: bool = False) -> None:
+def check_kind(mesh: object, curved: bool = True, space: bool = True) -> None:
     cells = (TRIANGLE, TETRAHEDRON)[: 1 + space]
     kinds = [kind for cell in cells for kind in (cell.mesh, cell.curved_mesh)[: 1 + curved]]
     if type(mesh) in kinds:

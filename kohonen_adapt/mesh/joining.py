@@ -74,7 +74,7 @@ def merge(one: MeshTri, other: MeshTri, *, rtol: float = 1e-6) -> MeshTri:
     (45, 64, ['left', 'right'])
     """
     for each in (one, other):
-        check_mesh(each, curved=True)
+        check_mesh(each, space=False)
     offset = np.concatenate([midside_offsets(each) for each in (one, other)], axis=2)
     one, other = corners_of(one), corners_of(other)
     if not is_number(rtol) or not 0.0 <= rtol < 1.0:

@@ -152,7 +152,7 @@ def nearest_labelled(
 
 
 def locator_of(mesh: Mesh) -> Locator:
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     kind = TESSELLATIONS[cell_of(mesh).dim]
     expect(*kind.groups)
     return Locator(kind.of(mesh))

@@ -115,7 +115,7 @@ def quality(mesh: Mesh) -> Floats:
     >>> ka.quality(skfem.MeshTet()).round(3).tolist()  # a cube in five: four corners around a regular one
     [0.84, 0.84, 0.84, 1.0, 0.84]
     """
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     largest = np.abs(mesh.doflocs).max(initial=0.0)
     if largest < LEAST_EXTENT or largest > LARGEST_EXTENT:
         # areas and volumes would underflow or overflow, and 0 is the quality of a flat element

@@ -59,11 +59,11 @@ def tensors_of_elements(values: ArrayLike, count: int, dim: int, name: str) -> F
     return checked_tensors(as_tensors(values, count, dim, name, "nelements"), name)
 
 
-def tensors_at_points(values: ArrayLike, points: Floats, name: str) -> Floats:
+def tensors_at_points(values: ArrayLike, points: Floats) -> Floats:
     """Return checked tensors (n, d, d) at points (n, d), see `checked_tensors`."""
     count, dim = points.shape
-    tensors = as_tensors(values, count, dim, name, "n")
-    return checked_tensors(tensors, name, lambda row: f"at {tuple(points[row].tolist())}")
+    tensors = as_tensors(values, count, dim, "density", "n")
+    return checked_tensors(tensors, "density", lambda row: f"at {tuple(points[row].tolist())}")
 
 
 def as_tensors(values: ArrayLike, count: int, dim: int, name: str, rows: str) -> Floats:

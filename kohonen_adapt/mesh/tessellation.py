@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints, copied
 from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.cells import Cell
 from kohonen_adapt.mesh.curved import corners_of
@@ -49,7 +49,7 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
 
     @classmethod
     def of(cls, mesh: Mesh) -> Self:
-        check_mesh(mesh, curved=True, inverted=True, space=cls.cell.dim == 3)
+        check_mesh(mesh, inverted=True, space=cls.cell.dim == 3)
         position, node, neighbour = connected_arrays(mesh)
         mesh = corners_of(mesh)
         region = regions_of(mesh, neighbour)
@@ -94,7 +94,3 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
             t = mesh.t.copy()
         subdomains = subdomains_of(mesh, self.region_of_input, self.elements.region[used])
         return remade(mesh, np.ascontiguousarray(self.position.T), t, boundaries=None, subdomains=subdomains)
-
-
-def copied(arrays: Any) -> Any:
-    return arrays._make(array.copy() for array in arrays)

@@ -67,7 +67,7 @@ def turned(
     >>> np.allclose(quarter.p, mesh.p), np.array_equal(quarter.t, mesh.t)  # other elements between the same nodes
     (True, False)
     """
-    check_mesh(mesh, curved=True)
+    check_mesh(mesh, space=False)
     offset, mesh = midside_offsets(mesh), corners_of(mesh)
     motion, part = Rotation(angle, centre), elements_in(mesh, name)
     if part.all():

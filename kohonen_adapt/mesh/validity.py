@@ -13,12 +13,12 @@ __all__ = ["check_mesh"]
 FLAT = 1e-9  # maximum difference of equal coordinates, relative to the size of the mesh
 
 
-def check_mesh(mesh: Mesh, curved: bool = False, inverted: bool = False, space: bool = False) -> None:
+def check_mesh(mesh: Mesh, curved: bool = True, inverted: bool = False, space: bool = True) -> None:
     # With `inverted`, curved sides may invert elements, as in coarse second-order meshes of Gmsh. Callers that move
     # nodes accept these, because they use the sides only to recognise curves and set new midside offsets.
     check_kind(mesh, curved, space)
     if is_second_order(mesh):
-        check_mesh(corners_of(mesh), space=space)
+        check_mesh(corners_of(mesh), curved=False, space=space)
         check_midsides(mesh)
         if not inverted:
             check_curved_sides(mesh)

@@ -227,7 +227,7 @@ def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tup
 
 def _checked(mesh: MeshTet) -> tuple[MeshTet, Isoparametric]:
     # the tetrahedra between the corners, and their curved edges
-    check_kind(mesh, curved=True, space=True)
+    check_kind(mesh)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
     shape = Isoparametric(mesh)

@@ -17,6 +17,7 @@ from kohonen_adapt.mesh.shapes import (
 from kohonen_adapt.mesh.validity import check_mesh
 
 __all__ = [
+    "check_order_and_norm",
     "density_from_indicators",
     "density_from_sizes",
     "equidistributing",
@@ -85,13 +86,17 @@ def density_from_indicators(mesh: Mesh, indicators: ArrayLike, *, order: int = 1
     >>> bool(0.4 < total(mesh.refined(3)) / total(mesh.refined(2)) < 0.6)
     True
     """
-    check_mesh(mesh, curved=True, space=True)
+    check_mesh(mesh)
     values = per_element(mesh.nelements, indicators, "indicators")
+    check_order_and_norm(order, norm)
+    return equidistributing(mesh, values, order, norm)
+
+
+def check_order_and_norm(order: int, norm: str) -> None:
     if isinstance(order, bool) or order not in (1, 2, 3, 4):
         raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
     if norm not in ("energy", "L2"):
         raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
-    return equidistributing(mesh, values, order, norm)
 
 
 def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Floats:
@@ -145,7 +150,7 @@ def density_from_sizes(mesh: Mesh, sizes: ArrayLike) -> Floats:
     >>> density.shape, np.sqrt(np.linalg.det(density)).round(1)[0]
     ((8, 2, 2), np.float64(577.4))
     """
-    check_mesh(mesh, curved=True, space=True)
+    check_mesh(mesh)
     cell = cell_of(mesh)
     if np.ndim(sizes) == 3:
         metric = tensors_of_elements(sizes, mesh.nelements, cell.dim, "sizes")
@@ -201,7 +206,7 @@ def parts_of(density: ArrayLike | DataFunction, centroids: Floats) -> tuple[Arra
         return density, None
 
     def split(x: Floats) -> FloatsPair:
-        return density_and_shape(tensors_at_points(density(x), x.T, "density"))
+        return density_and_shape(tensors_at_points(density(x), x.T))
 
     shapes = split(centroids.T.copy())[1]
     return lambda x: split(x)[0], None if are_round(shapes) else shapes

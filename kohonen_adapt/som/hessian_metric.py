@@ -16,7 +16,7 @@ from kohonen_adapt.mesh.shapes import packed, unpacked
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.som.density import equidistributing, per_element
+from kohonen_adapt.som.density import check_order_and_norm, equidistributing, per_element
 from kohonen_adapt.som.derivatives import highest_derivatives
 
 __all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian", "metric_of_shapes"]
@@ -96,11 +96,8 @@ def metric_from_hessian(
     >>> metric.shape, round(float((metric[0, 0, 0] / metric[0, 1, 1]) ** 0.5), 6)  # edges 2^(2/3) times longer in y
     ((128, 2, 2), 1.587401)
     """
-    check_mesh(mesh, curved=True, space=True)
-    if isinstance(order, bool) or order not in (1, 2, 3, 4):
-        raise ValueError(f"order must be the degree of the elements, 1 to 4; got {order!r}.")
-    if norm not in STRETCH:
-        raise ValueError(f"norm must be 'energy' or 'L2'; got {norm!r}.")
+    check_mesh(mesh)
+    check_order_and_norm(order, norm)
     cell, straight = cell_of(mesh), corners_of(mesh)
     function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
     shapes = hessian_shapes(mesh, [function], order, norm)

@@ -98,7 +98,7 @@ class KohonenMap:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")
         rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces)
-        check_kind(mesh, curved=True, space=True)
+        check_kind(mesh)
         method = map_method_of(cell_of(mesh).dim)
         expect(*method.kernel_groups)
         solid = method.cell is TETRAHEDRON

@@ -90,7 +90,7 @@ def recycled_pairs(
     spacious = movable.nnodes + SPARE * int(np.count_nonzero(on_pairs))
     surgery = Surgery.on(movable, density, spacious, done, movable.relief)
     surgery.mesh.origins.is_new[:] = False
-    splits, collapses = recycle_pairs(surgery.mesh, target, both, RATIO, movable.floor)
+    splits, collapses = recycle_pairs(surgery.mesh, target, both, movable.floor)
     origins = surgery.mesh.origins
     if not splits and not collapses:
         return np.arange(movable.nnodes), density, done
@@ -156,8 +156,8 @@ class Facets(NamedTuple):
     motion: Ints  # (f,) motion of the facet onto its image
 
 
-def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: float) -> tuple[int, int]:
-    # Squared lengths may differ by a factor `ratio`. Without `both` no node is removed, and nodes are added up to
+def recycle_pairs(mesh: OpenMesh, target: int, both: bool, floor: float) -> tuple[int, int]:
+    # Squared lengths may differ by a factor `RATIO`. Without `both` no node is removed, and nodes are added up to
     # `target`. Returns the numbers of nodes added and removed.
     wanted = desired_length(mesh, target)
     splits = collapses = 0
@@ -165,9 +165,9 @@ def recycle_pairs(mesh: OpenMesh, target: int, both: bool, ratio: float, floor: 
     if not both:
         available = min(available, (target - int(np.count_nonzero(mesh.pool.anchor >= 0))) // 2)
     for _ in range(PAIR_ROUNDS if both else 0):
-        collapses += collapse_short(mesh, facets_of_pairs(mesh), wanted / ratio, wanted * ratio, floor)
+        collapses += collapse_short(mesh, facets_of_pairs(mesh), wanted / RATIO, wanted * RATIO, floor)
     for _ in range(PAIR_ROUNDS):
-        splits += split_long(mesh, facets_of_pairs(mesh), wanted * ratio, floor, available - splits)
+        splits += split_long(mesh, facets_of_pairs(mesh), wanted * RATIO, floor, available - splits)
     return 2 * splits, 2 * collapses
 
 

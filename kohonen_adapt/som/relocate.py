@@ -1,6 +1,5 @@
 """Relocation of triangles and tetrahedra by recycling, the map and smoothing."""
 
-import logging
 from contextlib import nullcontext
 from typing import Any
 
@@ -22,13 +21,12 @@ from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.threads import Nodes, number_of_threads
 from kohonen_adapt.kernels.triangle.arrays import Elements
+from kohonen_adapt.log import logger
 from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
 from kohonen_adapt.som.relocation_record import Moved, why_still
 from kohonen_adapt.som.schedule import IN_METRIC, Schedule, most_doublings
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import Density, density_of
-
-logger = logging.getLogger("kohonen_adapt")
 
 __all__ = [
     "loops_in_plane",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
-from kohonen_adapt.checks import is_count, is_number
+from kohonen_adapt.checks import check_count, is_count, is_number
 
 __all__ = ["BEFORE_POLISH", "IN_METRIC", "Schedule", "Stage"]
 
@@ -59,9 +59,7 @@ class Stage:
 
     def __post_init__(self) -> None:
         for name in ("radius", "epochs"):
-            value = getattr(self, name)
-            if not is_count(value):
-                raise ValueError(f"{name} of a stage must be an integer >= 0; got {value!r}.")
+            check_count(f"{name} of a stage", getattr(self, name))
         if not are_two_rates(self._ends()):
             raise ValueError(f"learning_rate must be in (0, 1], one or (first, last); got {self.learning_rate!r}.")
         if not (is_number(self.points_per_neuron) and 0 < self.points_per_neuron < math.inf):
@@ -138,8 +136,7 @@ class Schedule:
         if wrong:
             raise ValueError(f"stages of a schedule must be kohonen_adapt.Stage; got {wrong[0]!r}.")
         for name in ("rounds", "sweeps"):
-            if not is_count(getattr(self, name)):
-                raise ValueError(f"{name} must be an integer >= 0; got {getattr(self, name)!r}.")
+            check_count(name, getattr(self, name))
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance >= 0):
             raise ValueError(f"tolerance must be None or >= 0; got {self.tolerance!r}.")
 
@@ -217,8 +214,7 @@ class Schedule:
         """
         if topology not in SWEEPS:
             raise ValueError(f"topology must be 'fixed', 'flip' or 'recycle'; got {topology!r}.")
-        if not is_count(nnodes):
-            raise ValueError(f"nnodes must be an integer >= 0; got {nnodes!r}.")
+        check_count("nnodes", nnodes)
         if radius is not None and not is_count(radius):
             raise ValueError(f"radius must be an integer >= 0, or None; got {radius!r}.")
         farthest = 0 if topology == "recycle" else most_doublings(nnodes)
@@ -242,8 +238,7 @@ class Schedule:
 def check_training(schedule: object, seed: object) -> None:
     if not isinstance(schedule, Schedule | None):
         raise ValueError(f"schedule must be a kohonen_adapt.Schedule or None; got {schedule!r}.")
-    if not is_count(seed):
-        raise ValueError(f"seed must be an integer >= 0; got {seed!r}.")
+    check_count("seed", seed)
 
 
 def are_two_rates(rates: Iterable[float]) -> bool:

@@ -12,7 +12,7 @@ from multiprocessing import connection, get_context, parent_process
 from queue import SimpleQueue
 from typing import Any, TypeVar
 
-from kohonen_adapt.checks import is_count
+from kohonen_adapt.checks import check_count
 from kohonen_adapt.kernels.threads import number_of_threads
 
 __all__ = ["CannotBeginError", "LocalPool", "cannot_be_pickled", "check_pickled"]
@@ -68,8 +68,7 @@ class LocalPool(Executor):
 
     def __init__(self, prepare: Callable[[], None], processes: int | None = None) -> None:
         count = number_of_threads() if processes is None else processes
-        if not is_count(count) or count < 1:
-            raise ValueError(f"the number of processes must be an integer >= 1; got {processes!r}.")
+        check_count("the number of processes", count, 1)
         prepare()
         self._share = max(1, number_of_threads() // count)
         self._tasks: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()

@@ -4,7 +4,6 @@ A curve segment (`chain`) is a part of a boundary or interface between two corne
 The parameter of a point is its arc length from the beginning of the segment, approximately so on splines.
 """
 
-import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -32,8 +31,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Constraints,
 )
 from kohonen_adapt.kernels.triangle.chains import look_up, nearest_parameter
-
-logger = logging.getLogger("kohonen_adapt")
+from kohonen_adapt.log import logger
 
 __all__ = [
     "chains_of",

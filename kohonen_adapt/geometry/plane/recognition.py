@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, grouped
+from kohonen_adapt.arrays import Floats, Ints, Mask, copied, grouped
 from kohonen_adapt.geometry.circles import rounded, sphere_through
 from kohonen_adapt.geometry.plane.curves import Arc, Curve
 from kohonen_adapt.geometry.plane.cutting import (
@@ -134,7 +134,7 @@ def with_coarse_arcs(z: Points, node: Ints, segments: Segments, others: Floats) 
 
 def joined_segments(segments: Segments, arcs: Iterable[tuple[int, int, Floats]]) -> Segments:
     # An arc is the indices of its first and last segment, with centre, radius and `widest`.
-    remaining, joined = np.ones(len(segments.first), bool), Segments._make(array.copy() for array in segments)
+    remaining, joined = np.ones(len(segments.first), bool), copied(segments)
     for first, last, arc in arcs:
         joined.last[first], joined.circle[first], joined.widest[first] = segments.last[last], arc[:3], arc[3]
         remaining[first + 1 : last + 1] = False

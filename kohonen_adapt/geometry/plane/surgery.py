@@ -1,6 +1,5 @@
 """Triangle meshes with spare rows, and creation of missing thin layers."""
 
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, Origins, SurgeryScratch
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["Surgery", "numbered_along_curve", "with_thin_layers"]
@@ -62,9 +62,6 @@ def is_scattered(triangulation: Triangulation) -> bool:
     if triangulation.nnodes < FEW:
         return False
     return bool(np.median(np.abs(node[:, 0] - node[:, 1])) > FAR * np.sqrt(triangulation.nnodes))
-
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Tetrahedral mesh as arrays, with the constraints on its nodes."""
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -10,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import MeshTet
 
-from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask, copied
 from kohonen_adapt.geometry.movable import Movable, arrays_of, settings_of
 from kohonen_adapt.geometry.rules import Rules, checked_surfaces, pinned_nodes
 from kohonen_adapt.geometry.space.midsides import NO_EDGES, InputEdges, offsets_on_surfaces
@@ -37,6 +36,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Samples,
     Surfaces,
 )
+from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.cells import FACES
 from kohonen_adapt.mesh.curved import is_second_order, with_midside_offsets
@@ -45,7 +45,6 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of
 
 __all__ = ["MovableSolid", "metric_of", "with_round_edges"]
 
-logger = logging.getLogger("kohonen_adapt")
 
 # The arrays that change when nodes move: (m, ...) by element, the others (n, ...) by node.
 BY_ELEMENT = ("tetrahedra.node", "tetrahedra.neighbour", "tetrahedra.region", "tetrahedra.patch")
@@ -160,10 +159,8 @@ class MovableSolid(Movable):
         return self.patches.in_front(patch, tet.elements.region[element], tet.position, nodes)
 
     def copy(self) -> "MovableSolid":
-        freedom = Freedom(*(array.copy() for array in self.freedom))
-        return replace(
-            self, tetrahedralization=self.tetrahedralization.copy(), freedom=freedom, shape=self.shape.copy()
-        )
+        tet, shape = self.tetrahedralization.copy(), self.shape.copy()
+        return replace(self, tetrahedralization=tet, freedom=copied(self.freedom), shape=shape)
 
     def records(self) -> dict[str, Any]:
         tet = self.tetrahedralization

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kohonen_adapt.arrays import Array, Floats, Int32s, Ints, IntsPair, free_rows, padded, ranks
+from kohonen_adapt.arrays import Array, Floats, Int32s, Ints, IntsPair, copied, free_rows, padded, ranks
 from kohonen_adapt.geometry.movable import arrays_of, element_order, reordered_state
 from kohonen_adapt.geometry.space.movable_solid import BY_ELEMENT, MovableSolid, metric_of
 from kohonen_adapt.geometry.space.thread_parts import Parts, wait_in
@@ -100,11 +100,10 @@ class OpenSolid:
     def copy(self) -> "OpenSolid":
         state = {name: array.copy() for name, array in self.state.items()}
         position, elements, freedom = records_of(state)
-        pool = Pool(*(array.copy() for array in self.mesh.pool))
-        origins = Origins(*(array.copy() for array in self.mesh.origins))
+        pool, origins = copied(self.mesh.pool), copied(self.mesh.origins)
         metric = metric_of(state["shape"], self.mesh.metric.relief)
         own = OpenTetrahedra(position, elements, self.mesh.surfaces, freedom, pool, origins, self.mesh.cavity, metric)
-        return OpenSolid(state, own, Queue(*(array.copy() for array in self.queue)), self.floor)
+        return OpenSolid(state, own, copied(self.queue), self.floor)
 
     def swap(self) -> int:
         floor = self.floor**3

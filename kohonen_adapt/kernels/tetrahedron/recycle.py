@@ -60,10 +60,10 @@ def next_edge(mesh, heap, sign):
 
 
 @inner_kernel
-def next_split(mesh, longest, least, floor):
-    while longest.size[0] > 0 and -longest.key[0] > least:
+def next_split(mesh, longest, floor):
+    while longest.size[0] > 0 and -longest.key[0] > 0.0:
         a, b, key = next_edge(mesh, longest, -1.0)
-        if a >= 0 and -key > least and prepare_split(mesh, a, b, floor) > 0:
+        if a >= 0 and -key > 0.0 and prepare_split(mesh, a, b, floor) > 0:
             return a, b, -key
     return NOWHERE, NOWHERE, 0.0
 
@@ -144,7 +144,7 @@ def recycle(mesh, queue, longest, shortest, missing, ratio, floor, limit):
                 return splits, collapses, True
             collapses += 1
             continue
-        a, b, length = next_split(mesh, longest, 0.0, floor)
+        a, b, length = next_split(mesh, longest, floor)
         if a < 0:
             return splits, collapses, True
         if splits - collapses == missing:

@@ -1,6 +1,5 @@
 """Conjugate gradients for edge elements."""
 
-import logging
 from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any
@@ -10,6 +9,7 @@ from scipy.sparse import coo_array, csc_array, csr_matrix, diags_array, tril, tr
 from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Function, Mask
+from kohonen_adapt.log import logger
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.system import Solver
@@ -22,8 +22,6 @@ DAMPING = 0.5  # of Jacobi's method on the levels of the auxiliary matrix
 RELAXATION = 1.3  # of Gauss and Seidel's method: 1.0 takes 6 to 15 % more steps, and 1.6 up to 30 %
 FALL = 1e4  # of the error squared, in the last steps, whose rate is used
 ROUNDING = 1e-28  # residual that is rounding error, relative, squared
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Damped Newton's method for convex functionals."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
@@ -8,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from kohonen_adapt.arrays import Floats
+from kohonen_adapt.log import logger
 from kohonen_adapt.magnetostatics.equations.energy import Tangent
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.problem.energy import TINY, Energy
@@ -21,8 +21,6 @@ LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional
 NEAR = 0.03  # relative residual from which a step for the potential alone is tried
 SLOW = 0.3  # largest residual after this step, relative to the residual before
-
-logger = logging.getLogger("kohonen_adapt")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from skfem import MeshTet, MeshTri
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask, copied
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import NO_SURFACE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
@@ -57,7 +57,7 @@ class TrialFunction(NamedTuple):
     surface: Floats = NO_SURFACE  # in space, (nnodes, 2): offset in reduced regions and load
 
     def copy(self) -> "TrialFunction":
-        modes = self.modes and Modes(*(array.copy() for array in self.modes))
+        modes = self.modes and copied(self.modes)
         return TrialFunction(self.values.copy(), self.fixed.copy(), modes, self.dual and self.dual.copy(), self.surface)
 
     @property

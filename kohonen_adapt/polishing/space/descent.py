@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, padded
+from kohonen_adapt.arrays import Floats, Ints, Mask, copied, padded
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
@@ -138,7 +138,7 @@ class SpaceDescent:
     def copy(self) -> Self:
         names = ("value", "fixed", "surface", "applied")
         trial = self.trial._replace(**{name: getattr(self.trial, name).copy() for name in names})
-        modes = self.modes and Modes(*(array.copy() for array in self.modes))
+        modes = self.modes and copied(self.modes)
         own = replace(self, opened=self.opened.copy(), trial=trial, modes=modes, curves=self.curves.copy())
         return replace(own, seen=self.seen.copy(), price=self.price.copy(), blocks={})
 

@@ -266,11 +266,15 @@ def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mas
     surface, own = nodal_terms(ritz.surface), terms_at_nodes(nodal_terms(ritz.surface), mesh)
     if ritz.order == 1:
         return TrialFunction(values.copy(), fixed.copy(), None, surface=own)
-    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), bool))
+    modes = zero_modes(m)
     unknowns = unknowns_of_elements(mesh, tet.elements.node[tet.used].T)
     local = corner_values(values, surface, unknowns, reduced[tet.elements.region[tet.used]])
     modes.side[tet.used, :, 0], modes.dirichlet[tet.used] = edge_coefficients(local)[4:].T, fixed[unknowns[4:]].T
     return TrialFunction(values[:n].copy(), fixed[:n].copy(), modes, surface=own)
+
+
+def zero_modes(elements: int) -> Modes:
+    return Modes(np.zeros((elements, 6, 1)), np.zeros(elements), np.zeros((elements, 6), bool))
 
 
 def terms_at_nodes(nodal: Floats, mesh: MeshTet) -> Floats:

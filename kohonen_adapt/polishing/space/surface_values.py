@@ -96,7 +96,8 @@ def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches
 
 
 def ridges_at(surfaces: Surfaces, patches: Mask) -> Mask:
-    return np.append(patches, False)[surfaces.meets].any(axis=1)
+    found: Mask = np.append(patches, False)[surfaces.meets].any(axis=1)
+    return found
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> IntsPair:

@@ -11,7 +11,7 @@ from kohonen_adapt.mesh.elements.polynomials import FIRST, SECOND, TrialFunction
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.locate import barycentric_coordinates, nearest_labelled, walk_in_parts
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.polishing.space.solid_functional import SolidFunctional, terms_at_nodes
+from kohonen_adapt.polishing.space.solid_functional import SolidFunctional, terms_at_nodes, zero_modes
 from kohonen_adapt.polishing.space.surface_values import EDGES_OF_FACES
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
 
@@ -139,8 +139,7 @@ def carried_modes(
         dirichlet[on] = True
         if linear:
             mode[on] = 0.0
-    m = len(tet.elements.node)
-    modes = Modes(np.zeros((m, 6, 1)), np.zeros(m), np.zeros((m, 6), bool))
+    modes = zero_modes(len(tet.elements.node))
     modes.side[used, :, 0], modes.dirichlet[used] = mode[edge], dirichlet[edge]
     return modes
 

@@ -51,9 +51,9 @@ def least_energy(mesh, quadratic, count, unknowns, a, b):
     if unknowns == 0 or not has_law(mesh, quadratic, count):
         return total, total - 0.5 * square
     solve_unknowns(block)
-    add_correction(block, count, 0, 1.0)
+    add_correction(block, count, 1.0)
     after = energy_of_new(mesh, quadratic, count, a, b, VALUE)
-    add_correction(block, count, 0, -1.0)
+    add_correction(block, count, -1.0)
     return total, (after if after <= total else np.inf)
 
 
@@ -76,11 +76,11 @@ def has_law(mesh, quadratic, count):
 
 
 @inner_kernel
-def add_correction(block, count, first, times):
+def add_correction(block, count, times):
     for i in range(count):
         for k in range(10):
             dof = block.dof[i, k]
-            if dof >= first:
+            if dof >= 0:
                 block.local[i, k] += times * block.correction[dof]
 
 

@@ -136,7 +136,7 @@ def settled(mesh, trial, quadratic, v, w, total, curved):
         gain = total - corrected(mesh, quadratic, v)
         if not gain > 0.0:
             return 0.0, 0.0
-        add_correction(quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v], 0, 1.0)
+        add_correction(quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v], 1.0)
         change_star(mesh, quadratic, v)
         return 0.0, gain
     x = point(mesh.position, v)
@@ -224,9 +224,9 @@ def take_correction(block, w):
 def corrected(mesh, quadratic, v):
     # Return the functional of the star after the correction of the unknowns, which are not changed.
     block, count = quadratic.block, mesh.star.start[v + 1] - mesh.star.start[v]
-    add_correction(block, count, 0, 1.0)
+    add_correction(block, count, 1.0)
     total = derivatives_order2(mesh, quadratic, v, VALUE)[1]
-    add_correction(block, count, 0, -1.0)
+    add_correction(block, count, -1.0)
     return total
 
 
