@@ -1,7 +1,7 @@
 """Description of a mesh and of its faults."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import chain, combinations
 from typing import Any
 
@@ -19,7 +19,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import Rules, floor_of
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.prisms import possible_cylinders
-from kohonen_adapt.geometry.space.surfaces import Surface
+from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
 from kohonen_adapt.loop.single_steps import why_held
@@ -159,7 +159,7 @@ def _smallest_angle(mesh: Mesh) -> str:
     return f"smallest angle: {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees"
 
 
-def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[list[str], Iterator[str]]:
+def moving(mesh: Mesh, surfaces: NamedSurfaces | None = None) -> tuple[list[str], Iterator[str]]:
     rules = Rules(surfaces=surfaces or None)
     if cell_of(mesh) is TETRAHEDRON:
         solid = MovableSolid.of(mesh, rules)
@@ -168,7 +168,7 @@ def moving(mesh: Mesh, surfaces: Mapping[str, Surface] | None = None) -> tuple[l
     return outlines_described(movable), chain(thin_parts(movable), advice(possible_arcs(movable)))
 
 
-def held_described(mesh: Mesh, surfaces: Mapping[str, Surface]) -> list[str]:
+def held_described(mesh: Mesh, surfaces: NamedSurfaces) -> list[str]:
     why = why_held(mesh, Rules(surfaces=surfaces or None))
     counts = Counter(why[why != ""].tolist()).most_common()
     more = len(counts) - REASONS

@@ -9,8 +9,8 @@ from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Ints, Mask
 from kohonen_adapt.checks import is_number, listed, nearest_name
-from kohonen_adapt.geometry.plane.curves import Curve
-from kohonen_adapt.geometry.space.surfaces import Surface
+from kohonen_adapt.geometry.plane.curves import Curve, Curves
+from kohonen_adapt.geometry.space.surfaces import NamedSurfaces, Surface
 from kohonen_adapt.kernels.arrays import UNGUARDED
 from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.motions import Motion, Pair
@@ -102,10 +102,10 @@ class Rules:
     topology: str = "flip"
     min_quality: LeastQuality | None = "auto"
     pinned: Pinned = ()
-    curves: Mapping[str, Curve] | None = None
+    curves: Curves | None = None
     periodic: Sequence[Pair] = ()
     layers: Mapping[str, int] | None = None
-    surfaces: Mapping[str, Surface] | None = None
+    surfaces: NamedSurfaces | None = None
 
     def __post_init__(self) -> None:
         if self.topology not in TOPOLOGIES:
@@ -204,15 +204,15 @@ def nodes_of_name(mesh: Mesh, name: str) -> Ints:
     )
 
 
-def checked_curves(mesh: MeshTri, curves: Mapping[str, Curve] | None) -> dict[str, Curve]:
+def checked_curves(mesh: MeshTri, curves: Curves | None) -> dict[str, Curve]:
     return checked_shapes(mesh, curves, "curve", "kohonen_adapt.Line, Arc or Spline", 2)
 
 
-def checked_surfaces(mesh: MeshTet, surfaces: Mapping[str, Surface] | None) -> dict[str, Surface]:
+def checked_surfaces(mesh: MeshTet, surfaces: NamedSurfaces | None) -> dict[str, Surface]:
     return checked_shapes(mesh, surfaces, "surface", "kohonen_adapt.Plane, Sphere, Cylinder or Cone", 3)
 
 
-def checked_shapes(mesh: Mesh, shapes: Mapping[str, Curve] | None, kind: str, known: str, d: int) -> dict[str, Curve]:
+def checked_shapes(mesh: Mesh, shapes: Curves | None, kind: str, known: str, d: int) -> dict[str, Curve]:
     if shapes is None:
         return {}
     if not isinstance(shapes, Mapping):

@@ -1,6 +1,6 @@
 """Geometric layers of elements at singular nodes and edges."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_count, is_number
 from kohonen_adapt.geometry.pieces import FoldedLayers
 from kohonen_adapt.geometry.plane.corner_layers import with_corner_layers
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.space.edge_layers import with_edge_layers
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.cells import cell_of
@@ -35,7 +35,7 @@ def refined_at(
     layers: int = 2,
     factor: float = FACTOR,
     periodic: Sequence[Pair] = (),
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
 ) -> Mesh:
     """Refine a mesh geometrically towards nodes and edges, for high orders.
 
@@ -109,7 +109,7 @@ def with_layers_at(
     nodes: Ints,
     layers: int,
     periodic: Sequence[Pair] = (),
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
     edges: Ints | None = None,
 ) -> tuple[Mesh, Ints]:
     """Return a new mesh with layers, and the nodes that have them.

@@ -9,9 +9,9 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.checks import check_hook, with_nearest_names
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
-from kohonen_adapt.geometry.space.surfaces import Surface
+from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.loop.checkpoint import Checkpoint
 from kohonen_adapt.loop.final_order import raise_order
 from kohonen_adapt.loop.passes import Pass, StepFailed, Steps, work_of
@@ -58,12 +58,12 @@ def adapt(
     rtol: float | None = None,
     target_nodes: int | None = None,
     pinned: Pinned = (),
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
     outputs: Mapping[str, Output] | None = None,
     atol: float | None = None,
     output_rtol: float | Mapping[str, float] | None = None,
     polish: bool = True,
-    surfaces: Mapping[str, Surface] | None = None,
+    surfaces: NamedSurfaces | None = None,
     periodic: Sequence[Pair] | None = None,
     layers: Mapping[str, int] | None = None,
     topology: str | None = None,

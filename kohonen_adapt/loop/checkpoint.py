@@ -15,7 +15,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Array, FilePath, Ints
 from kohonen_adapt.files import remove_drafts, whole_file
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance
@@ -230,7 +230,7 @@ def _set_arrays(sets: Mapping[str, Ints] | None) -> list[Array]:
     return arrays
 
 
-def _curve_digest(mesh: Mesh, curves: Mapping[str, Curve]) -> str:
+def _curve_digest(mesh: Mesh, curves: Curves) -> str:
     arrays: list[Array] = []
     for name, curve in sorted(curves.items()):
         ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]

@@ -4,7 +4,6 @@ The polish flattens sides on curves, because its elements must be far from folde
 these sides.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.mesh.blended import is_folded
 from kohonen_adapt.mesh.curved import inverted_elements
@@ -43,7 +42,7 @@ class Sides:
             exact = self.curved.mesh(NEARLY_EXACT)
         return exact, self._solved(self.problem, exact)
 
-    def error_with_sides(self, error: float, curves: Mapping[str, Curve] | None) -> float:
+    def error_with_sides(self, error: float, curves: Curves | None) -> float:
         # The functional exceeds its minimum by half the squared error, and rises by sides off their curves. Parabolas
         # are off at all orders, by a share of the error that rises with the order. Exact curves are for orders above 3.
         problem, order = self.problem, self.problem.order

@@ -12,10 +12,10 @@ from kohonen_adapt.arrays import DataFunction, Texts
 from kohonen_adapt.checks import check_count, with_nearest_names
 from kohonen_adapt.geometry.held_nodes import with_pins
 from kohonen_adapt.geometry.movable import unchanged
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules, check_for, with_pinned
-from kohonen_adapt.geometry.space.surfaces import Surface
+from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.log import logger
 from kohonen_adapt.loop.dimension import method_of
@@ -41,10 +41,10 @@ def relocate(
     min_quality: LeastQuality = "auto",
     pinned: Pinned = (),
     seed: int = 0,
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
-    surfaces: Mapping[str, Surface] | None = None,
+    surfaces: NamedSurfaces | None = None,
 ) -> Mesh:
     """Move the nodes of a mesh to a given density.
 
@@ -147,10 +147,10 @@ def polish(
     min_quality: LeastQuality = "auto",
     pinned: Pinned = (),
     seed: int = 0,
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
     periodic: Sequence[Pair] = (),
     layers: Mapping[str, int] | None = None,
-    surfaces: Mapping[str, Surface] | None = None,
+    surfaces: NamedSurfaces | None = None,
 ) -> Mesh:
     """Move nodes by descent of the energy of the discrete solution.
 

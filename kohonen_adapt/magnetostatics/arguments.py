@@ -11,7 +11,7 @@ from skfem.mesh import MeshTet1, MeshTet2
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import checked_mapping, is_number, listed, nearest_name
-from kohonen_adapt.geometry.plane.curves import Arc, Curve
+from kohonen_adapt.geometry.plane.curves import Arc, Curves
 from kohonen_adapt.geometry.rules import checked_pair
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import check_placement, checked_coils
@@ -84,7 +84,7 @@ class Arguments:
     applied_field: tuple[float, float] = (0.0, 0.0)
     points: Mapping[str, tuple[float, float] | Floats] | None = None
     curved: bool = True
-    sides: Mapping[str, Curve] | None = None
+    sides: Curves | None = None
 
     def __post_init__(self) -> None:
         order = checked_choices(self, 2)

@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.better_values import better_values
 from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indicators
@@ -210,7 +210,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         energy = self.energy_on(mesh, field.order)
         return energy.value(field.unknown)[0] - energy.value(0.0 * field.unknown)[0]
 
-    def on_curves(self, curves: Mapping[str, Curve]) -> Self:
+    def on_curves(self, curves: Curves) -> Self:
         """Return the problem with more curves in `sides`.
 
         Parameters

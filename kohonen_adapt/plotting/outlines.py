@@ -16,7 +16,7 @@ from skfem import MeshTri
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Texts
 from kohonen_adapt.display import counted, in_unit
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import constrained_facets
@@ -39,7 +39,7 @@ def plot_outlines(
     mesh: MeshTri,
     *,
     pinned: Sequence[int | str] | Ints | str = (),
-    curves: Mapping[str, Curve] | None = None,
+    curves: Curves | None = None,
     periodic: Sequence[Pair] = (),
     ax: Axes | None = None,
     unit: str = "m",

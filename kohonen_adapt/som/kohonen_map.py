@@ -9,11 +9,11 @@ from scipy.spatial import cKDTree
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Int32s
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.rules import LeastQuality, Pinned, Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.geometry.space.surfaces import Surface
+from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of, check_kind
@@ -90,10 +90,10 @@ class KohonenMap:
         metric: ArrayLike | None = None,
         min_quality: LeastQuality | None = "auto",
         pinned: Pinned = (),
-        curves: Mapping[str, Curve] | None = None,
+        curves: Curves | None = None,
         periodic: Sequence[Pair] = (),
         layers: Mapping[str, int] | None = None,
-        surfaces: Mapping[str, Surface] | None = None,
+        surfaces: NamedSurfaces | None = None,
     ) -> None:
         if topology not in ("flip", "fixed"):
             raise ValueError(f"topology must be 'fixed' or 'flip'; got {topology!r}.")

@@ -4,14 +4,14 @@ A curve segment (`chain`) is a part of a boundary or interface between two corne
 The parameter of a point is its arc length from the beginning of the segment, approximately so on splines.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import scipy  # loads `scipy.interpolate` at its first use
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
-from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Line, projected, size_of
+from kohonen_adapt.geometry.plane.curves import NEAR, Arc, Curve, Curves, Line, projected, size_of
 from kohonen_adapt.geometry.plane.cutting import Circle, Points, angles, as_complex, as_rows
 from kohonen_adapt.geometry.plane.polylines import BY_MIDSIDES, Polylines, Segments, nodes_of
 from kohonen_adapt.geometry.plane.recognition import angles_of, fewest_facets
@@ -57,14 +57,12 @@ MOST_SHIFT = (
 FINE = 1e-10  # maximum distance of a spline from its curve, relative to the size of the curve
 
 
-def on_lines_and_arcs(curve: Ints, curves: Mapping[str, Curve]) -> Mask:
+def on_lines_and_arcs(curve: Ints, curves: Curves) -> Mask:
     smooth = np.array([*(isinstance(shape, Arc | Line) for shape in curves.values()), False])
     return smooth[np.maximum(curve, -1)]
 
 
-def chains_of(
-    position: Floats, polylines: Polylines, segments: Segments, curves: Mapping[str, Curve], offset: Floats
-) -> Chains:
+def chains_of(position: Floats, polylines: Polylines, segments: Segments, curves: Curves, offset: Floats) -> Chains:
     count, z = len(segments.first), as_complex(position)
     longest, even = facet_lengths(z, polylines.node, segments)
     start, end = (position[polylines.node[slots]] for slots in (segments.first, segments.last))

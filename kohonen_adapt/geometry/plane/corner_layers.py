@@ -1,13 +1,13 @@
 """Geometric layers of triangles around nodes where a field is singular."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.pieces import FoldedLayers, Pieces, curved_mesh, mesh_of, sides_in_parent
-from kohonen_adapt.geometry.plane.curves import Curve
+from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.pairs import image_nodes
 from kohonen_adapt.mesh.blended import Blended
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
@@ -27,7 +27,7 @@ def with_corner_layers(
     layers: int,
     factor: float,
     periodic: Sequence[Pair],
-    curves: Mapping[str, Curve] | None,
+    curves: Curves | None,
     halvings: int = HALVINGS,
 ) -> MeshTri:
     shape = Blended(mesh, {name: curve.project for name, curve in (curves or {}).items()})

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import check_fields, checked_points, finite_point, positive_number
 
-__all__ = ["NEAR", "Arc", "Curve", "Line", "check_near", "curve_of_facets", "projected", "size_of"]
+__all__ = ["NEAR", "Arc", "Curve", "Curves", "Line", "check_near", "curve_of_facets", "projected", "size_of"]
 
 KINDS = {2: "curve", 3: "surface"}  # word for the shape of a boundary in messages, by dimension
 NEAR = 1e-3  # maximum distance of nodes from their curve, relative to the size of the boundary
@@ -19,6 +19,9 @@ NEAR = 1e-3  # maximum distance of nodes from their curve, relative to the size 
 class Curve(Protocol):
     def project(self, x: Floats) -> Floats:
         """Return the points of the curve nearest to `x`, shape (2, n)."""
+
+
+Curves = Mapping[str, Curve]  # by boundary name
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,7 @@ def size_of(nodes: Floats) -> float:
     return float(np.max(np.ptp(nodes, axis=0)))
 
 
-def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Mapping[str, Curve], kind: str = "curve") -> Ints:
+def curve_of_facets(sides: Mapping[str, Ints], count: int, curves: Curves, kind: str = "curve") -> Ints:
     """Return the index in `curves` of the shape of every facet, -1 for none, (f,)."""
     found, names = np.full(count, -1), list(curves)
     for number, name in enumerate(names):

@@ -3,7 +3,7 @@
 A facet is constrained if it lies on the outer boundary, between two regions, or on a named boundary.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Int8s, Int32s, Ints, IntsPair, Mask, counted
 from kohonen_adapt.geometry.circles import rounded
-from kohonen_adapt.geometry.plane.curves import Arc, Curve, check_near
+from kohonen_adapt.geometry.plane.curves import Arc, Curves, check_near
 from kohonen_adapt.geometry.plane.cutting import Part, as_complex, as_rows, cut_polyline
 from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.mesh.measures import angles_between
@@ -215,7 +215,7 @@ def trace_polylines(ends: Ints, node: Ints, edges: Ints, smooth: Mask) -> Polyli
 
 
 def cut_into_segments(
-    position: Floats, polylines: Polylines, curve: Ints, curves: Mapping[str, Curve], circle_of_facet: Floats
+    position: Floats, polylines: Polylines, curve: Ints, curves: Curves, circle_of_facet: Floats
 ) -> tuple[Polylines, Segments]:
     # Facets with a curve index other than -1 are not cut. The first columns of `circle_of_facet`, shape (f, 4), are
     # the circles of facets with the index `BY_MIDSIDES`, nan for none.

@@ -1,6 +1,6 @@
 """Recognition of curves by midside nodes, of arcs with junctions and coarse arcs."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, Ints, Mask, copied, grouped
 from kohonen_adapt.geometry.circles import rounded, sphere_through
-from kohonen_adapt.geometry.plane.curves import Arc, Curve
+from kohonen_adapt.geometry.plane.curves import Arc, Curves
 from kohonen_adapt.geometry.plane.cutting import (
     COLLINEAR,
     FEWEST_FACETS,
@@ -142,7 +142,7 @@ def joined_segments(segments: Segments, arcs: Iterable[tuple[int, int, Floats]])
 
 
 def arcs_across_junctions(
-    facets: Facets, position: Floats, curve: Ints, curves: Mapping[str, Curve], stops: Mask, pairs: Pairs
+    facets: Facets, position: Floats, curve: Ints, curves: Curves, stops: Mask, pairs: Pairs
 ) -> Floats:
     # Returns the circles of facets, shape (f, 4): centre, radius and the largest angle of a facet that leaves the arc
     # enough nodes, nan for facets on no arc. Junctions with other boundaries and interfaces are ignored. Facets with a

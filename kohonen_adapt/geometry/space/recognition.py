@@ -3,7 +3,6 @@
 All faces of a patch have the same names and regions on both sides.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from kohonen_adapt.geometry.plane.cutting import CLOSE, TURN
 from kohonen_adapt.geometry.plane.polylines import CORNER
 from kohonen_adapt.geometry.space.patches import Faces, Patches, Seams, Shapes, Sheet
 from kohonen_adapt.geometry.space.surface_fit import Round, are_coaxial, round_of
-from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, Plane, Sphere, Surface
+from kohonen_adapt.geometry.space.surfaces import Cone, Cylinder, NamedSurfaces, Plane, Sphere, Surface
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, PLANE, PROJECTED, SPHERE
 from kohonen_adapt.mesh.cells import normals
 from kohonen_adapt.mesh.names import connected_components_of, in_order
@@ -31,7 +30,7 @@ STEEPEST = np.radians(41.0)  # maximum turn between strips of a coarse cylinder:
 GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
 
 
-def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: Mapping[str, Surface]) -> Patches:
+def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: NamedSurfaces) -> Patches:
     user_defined = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, tuple(KINDS)) for each in surfaces.values()), False])
     one, other = user_defined[seams.faces].T

@@ -1,5 +1,6 @@
 """Surfaces on which nodes slide."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from typing import Protocol
@@ -13,6 +14,7 @@ from kohonen_adapt.checks import check_fields, checked_points, finite_triple, is
 __all__ = [
     "Cone",
     "Cylinder",
+    "NamedSurfaces",
     "Plane",
     "Sphere",
     "Surface",
@@ -29,6 +31,9 @@ ROUNDING = 1e-15  # distance below which points are on an axis, relative to the 
 class Surface(Protocol):
     def project(self, x: Floats) -> Floats:
         """Return the points of the surface nearest to `x`, shape (3, n)."""
+
+
+NamedSurfaces = Mapping[str, Surface]  # by boundary name
 
 
 @dataclass(frozen=True)

@@ -96,8 +96,7 @@ def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches
 
 
 def ridges_at(surfaces: Surfaces, patches: Mask) -> Mask:
-    found: Mask = np.append(patches, False)[surfaces.meets].any(axis=1)
-    return found
+    return np.any(np.append(patches, False)[surfaces.meets], axis=1)
 
 
 def nodes_of_patches(tet: Tetrahedralization) -> IntsPair:
