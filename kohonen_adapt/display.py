@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.mesh.cells import corner_positions
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets, offsets_of_sides
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
@@ -167,7 +168,7 @@ def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     # The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
     share, triangles = lattice(divisions)
     count = mesh.nelements
-    p = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
+    p = np.einsum("iq,dik->dqk", share, corner_positions(mesh))
     if is_second_order(mesh):
         between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]
         p += np.einsum("iq,dik->dqk", between, midside_offsets(mesh))

@@ -23,7 +23,7 @@ from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
 from kohonen_adapt.loop.single_steps import why_held
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, corner_positions
 from kohonen_adapt.mesh.measures import area, hat_gradients, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -153,7 +153,7 @@ def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
 
 
 def _smallest_angle(mesh: Mesh) -> str:
-    corners = mesh.p[:, mesh.t]
+    corners = corner_positions(mesh)
     one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
     return f"smallest angle: {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees"

@@ -18,7 +18,7 @@ from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.materials.coefficients import coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.mesh.cells import TRIANGLE, cell_of
+from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, width_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import magnitude
@@ -138,7 +138,7 @@ def size_text(mesh: Mesh) -> str:
 
 
 def unit_doubts(mesh: Mesh, scale: float = 1.0) -> Iterator[str]:
-    extent, size = np.ptp(mesh.p, axis=1).max(), size_text(mesh)
+    extent, size = width_of(mesh), size_text(mesh)
     if extent > LARGE and scale == 1.0:
         yield f"the mesh is {size}: that looks like millimetres. If so, --scale 1e-3 (scale = 1e-3 in a case)."
     elif extent > LARGE or extent < SMALL:
@@ -212,7 +212,7 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
 
 def _coincident(mesh: Mesh, rim: Ints) -> Ints:
     nodes = np.unique(mesh.facets[:, rim])
-    found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * np.ptp(mesh.p, axis=1).max(), output_type="ndarray")
+    found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * width_of(mesh), output_type="ndarray")
     return nodes[np.unique(found)]
 
 

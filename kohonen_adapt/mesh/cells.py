@@ -22,6 +22,7 @@ __all__ = [
     "cell_of",
     "centroids_of",
     "check_kind",
+    "corner_positions",
     "determinants",
     "facet_normals",
     "normals",
@@ -135,6 +136,10 @@ def facet_normals(mesh: Mesh, facets: Ints | slice) -> Floats:  # (3, n), of twi
 
 def centroids_of(mesh: Mesh, elements: Any = slice(None)) -> Floats:
     return mesh.p[:, mesh.t[:, elements]].mean(axis=1)
+
+
+def corner_positions(mesh: Mesh) -> Floats:  # (d, d + 1, nelements)
+    return mesh.p[:, mesh.t]
 
 
 def width_of(mesh: Mesh) -> float:  # largest extent along an axis

@@ -13,7 +13,7 @@ from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.search import barycentric, count_in_cells, fill_cells, find, walk_each
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at, parts_of_regions
-from kohonen_adapt.mesh.cells import cell_of, check_kind, width_of
+from kohonen_adapt.mesh.cells import cell_of, check_kind, corner_positions, width_of
 from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
 from kohonen_adapt.mesh.tessellation import Tessellation
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
@@ -206,7 +206,7 @@ def find_elements(mesh: Mesh, x: ArrayLike) -> Int32s:
 
 def elements_at(mesh: Mesh, x: Floats) -> Ints:
     # As `find_elements`, for few points on straight elements of a mesh that is known to be valid, without the grid.
-    corners, margin = mesh.p[:, mesh.t], NEAR * width_of(mesh)
+    corners, margin = corner_positions(mesh), NEAR * width_of(mesh)
     element, point = BoxTree(corners.min(axis=1) - margin, corners.max(axis=1) + margin).boxes_around(x)
     around = corners[:, :, element]
     least = np.min(parts_at(around, x[:, point]) / cell_of(mesh).determinant(around), axis=0)

@@ -17,6 +17,7 @@ from kohonen_adapt.mesh.cells import (
     cell_of,
     centroids_of,
     check_kind,
+    corner_positions,
     crossed,
     determinants,
 )
@@ -50,7 +51,7 @@ def signed_area(mesh: Mesh) -> Floats:
     or `MeshTet2` the corners count.
     """
     cell = cell_of(mesh)
-    return cell.determinant(mesh.p[:, mesh.t]) / factorial(cell.dim)
+    return cell.determinant(corner_positions(mesh)) / factorial(cell.dim)
 
 
 def area(mesh: Mesh) -> Floats:
@@ -123,7 +124,7 @@ def quality(mesh: Mesh) -> Floats:
     if is_second_order(mesh):
         check_midsides(mesh)
         check_curved_sides(mesh)
-    return np.abs(qualities_of(mesh.p[:, mesh.t]))
+    return np.abs(qualities_of(corner_positions(mesh)))
 
 
 def qualities_of(corners: Floats) -> Floats:
@@ -135,7 +136,7 @@ def qualities_of(corners: Floats) -> Floats:
 
 
 def hat_gradients(mesh: Mesh) -> Floats:
-    return cell_of(mesh).hat_gradients(mesh.p[:, mesh.t])
+    return cell_of(mesh).hat_gradients(corner_positions(mesh))
 
 
 def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind, width_of
+from kohonen_adapt.mesh.cells import LARGEST_EXTENT, LEAST_EXTENT, cell_of, check_kind, corner_positions, width_of
 from kohonen_adapt.mesh.curved import check_curved_sides, check_midsides, corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, number_facets
 
@@ -72,7 +72,7 @@ def check_nodes_used(mesh: Mesh) -> None:
 def check_sizes(mesh: Mesh) -> None:
     # The limit in d dimensions is ``1e-14 / d!`` times the d-th power of the longest edge.
     cell = cell_of(mesh)
-    corners = mesh.p[:, mesh.t]
+    corners = corner_positions(mesh)
     longest = np.zeros(mesh.nelements)
     for one, other in cell.edges:
         # for short columns many times faster than np.sum

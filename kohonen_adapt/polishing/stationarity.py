@@ -8,6 +8,7 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.kernels.tetrahedron.arrays import LOAD
+from kohonen_adapt.mesh.cells import corner_positions
 from kohonen_adapt.mesh.elements.polynomials import hierarchical_loads, unknowns_of_elements
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.polishing.unresolved_data import Doubt, UnresolvedData, doubt_about
@@ -63,7 +64,7 @@ def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
     if ritz.order > 1:
         unknowns, middle = unknowns_of_elements(mesh, mesh.t), mesh.p[:, mesh.edges].mean(axis=1).T
         place = np.vstack([place, middle])
-    corners, coefficients = mesh.p[:, mesh.t], coefficients_on(mesh, ritz, number)
+    corners, coefficients = corner_positions(mesh), coefficients_on(mesh, ritz, number)
     parts = derivatives_on(corners, coefficients, number, ritz, offsets_on(mesh, ritz))
     total, size = sums(parts, unknowns, len(fixed))
     if len(nodal):
@@ -74,7 +75,7 @@ def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
 
 def doubts_of(ritz: Ritz, mesh: Mesh, index: Ints, count: int) -> Doubt:
     # `index` (k, m) has the unknowns of every element. The doubts of elements are added for every unknown.
-    found = doubt_about(mesh.p[:, mesh.t], numbers_of(ritz, mesh), ritz)
+    found = doubt_about(corner_positions(mesh), numbers_of(ritz, mesh), ritz)
     doubt = np.tile(found.residual, len(index))
     return found._replace(residual=np.bincount(index.ravel(), doubt, count).astype(np.float64))
 

@@ -9,7 +9,7 @@ from skfem import ElementTetP1, Mesh, MeshTet, MeshTri
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
-from kohonen_adapt.mesh.cells import TETRAHEDRON
+from kohonen_adapt.mesh.cells import TETRAHEDRON, corner_positions
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets
 from kohonen_adapt.mesh.elements.element_functions import ElementFunctions
 from kohonen_adapt.mesh.elements.functions import hierarchical, kinds_at_axis
@@ -67,7 +67,7 @@ def functional_value(mesh: Mesh, ritz: Ritz) -> float:
     total = 0.0
     for part in parts_of(ritz):
         check_matches(part, mesh)
-        number, corners = numbers_of(part, mesh), mesh.p[:, mesh.t]
+        number, corners = numbers_of(part, mesh), corner_positions(mesh)
         coefficients, offset = coefficients_on(mesh, part, number), offsets_on(mesh, part)
         total += value_on(corners, coefficients, number, part, offset)
         for name, terms in part.robin.items():
@@ -142,7 +142,7 @@ def energy_on(functions: ElementFunctions, number: Ints, ritz: Ritz, load: Float
 def steepest(mesh: Mesh, ritz: Ritz) -> float:
     """Return the largest argument of the energy densities of a solution."""
     number = numbers_of(ritz, mesh)
-    functions = functions_on(mesh.p[:, mesh.t], number, ritz, None)
+    functions = functions_on(corner_positions(mesh), number, ritz, None)
     size = magnitude(energy_on(functions, number, ritz, np.zeros(())).vector(coefficients_on(mesh, ritz, number)))
     return float(np.max(size / functions.points[0] if ritz.axisymmetric else size, initial=0.0))
 

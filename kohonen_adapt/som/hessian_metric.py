@@ -9,7 +9,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of, corner_positions
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.shapes import packed, unpacked
@@ -157,7 +157,7 @@ def with_unit_determinant(tensors: Floats) -> Floats:
 
 
 def offsets(mesh: Mesh) -> Floats:
-    corners = mesh.p[:, mesh.t]
+    corners = corner_positions(mesh)
     return np.ascontiguousarray((corners - corners.mean(axis=1, keepdims=True)).T)
 
 

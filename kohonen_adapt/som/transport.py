@@ -157,13 +157,10 @@ class Transport:
         star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, LIGHT), np.empty((2, n, 2))
 
-        def begin(thread: int, first: int, last: int) -> None:
-            move_with_clusters(star, constraints, self.cluster, flow, first, last, moves[0])
-
         def smooth(thread: int, first: int, last: int) -> None:
             smooth_moves(star, constraints, moves[0], first, last, moves[1])
 
-        shared(begin, cuts)
+        shared(lambda _, *rows: move_with_clusters(star, constraints, self.cluster, flow, *rows, moves[0]), cuts)
         for _ in range(ceil(n**0.25)):  # smoothing removes jumps between clusters
             shared(smooth, cuts)
             moves = moves[::-1]
@@ -179,27 +176,17 @@ class Transport:
 
     def _reach(self, move: Floats) -> float:
         tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
-
-        def measure(thread: int, first: int, last: int) -> None:
-            measure_moves(tri.position, tri.star, move, first, last, ratio)
-
-        shared(measure, even_cuts(tri.nnodes, LIGHT))
+        cuts = even_cuts(tri.nnodes, LIGHT)
+        shared(lambda _, *rows: measure_moves(tri.position, tri.star, move, *rows, ratio), cuts)
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, fraction: float, rings: int) -> None:
         tri, constraints = self.movable.triangulation, self.constraints
-        nodes = even_cuts(tri.nnodes, LIGHT)
-
-        def go(thread: int, first: int, last: int) -> None:
-            propose_step(tri.position, constraints, move, fraction, first, last, step.target, step.parameter)
-
-        def take(thread: int, first: int, last: int) -> None:
-            accept_step(tri.position, constraints, step.target, step.parameter, first, last)
-
-        shared(go, nodes)
+        cuts, ends = even_cuts(tri.nnodes, LIGHT), (step.target, step.parameter)
+        shared(lambda _, *rows: propose_step(tri.position, constraints, move, fraction, *rows, *ends), cuts)
         self._together(step)
         self._mend(step, rings)
-        shared(take, nodes)
+        shared(lambda _, *rows: accept_step(tri.position, constraints, *ends, *rows), cuts)
 
     def _mend(self, step: "Step", rings: int) -> None:
         """Change a step where elements would be spoiled.

@@ -152,13 +152,10 @@ class MovableMesh(Movable):
         tri, m = self.triangulation, len(self.triangulation.elements.node)
         doubtful, stack, waiting = np.empty(m, bool), np.empty(m, np.int32), np.zeros(m, bool)
 
-        def mark(thread: int, first: int, last: int) -> None:
-            mark_non_delaunay(tri.position, tri.elements, self.shape, first, last, doubtful)
-
-        metric = Metric(self.shape, self.relief)
+        metric, cuts = Metric(self.shape, self.relief), even_cuts(m, LIGHT)
         total, flips = 0, FLIPS
         while flips >= FLIPS:
-            shared(mark, even_cuts(m, LIGHT))
+            shared(lambda _, *rows: mark_non_delaunay(tri.position, tri.elements, self.shape, *rows, doubtful), cuts)
             flips = flip_edges(tri.position, tri.elements, metric, self.floor, doubtful, stack, waiting, FLIPS)
             total += flips
             if flips:

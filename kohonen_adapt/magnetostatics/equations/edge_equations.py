@@ -10,7 +10,7 @@ from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
-from kohonen_adapt.mesh.cells import centroids_of
+from kohonen_adapt.mesh.cells import centroids_of, corner_positions
 
 __all__ = ["EdgeDrive", "edge_drive"]
 
@@ -42,7 +42,7 @@ class EdgeDrive(Drive):
         mesh, total, every = self.edges.mesh, 0.0, np.arange(density.shape[1])
         points, weights = get_quadrature(RefTet, DEGREE)
         for barycentric, weight in zip(np.vstack((1.0 - points.sum(axis=0), points)).T, weights, strict=True):
-            x = np.einsum("i,cik->ck", barycentric, mesh.p[:, mesh.t])
+            x = np.einsum("i,cik->ck", barycentric, corner_positions(mesh))
             difference = field_at(self.function, x) - self.edges.at(self.circulation, x, every)
             total += 6.0 * weight * float(np.sum(self.edges.volumes * difference * density))
         return total
