@@ -1,6 +1,7 @@
 """Order of nodes along a space-filling curve, divided into parts for threads."""
 
 import numpy as np
+from numpy.random import Generator
 
 from kohonen_adapt.arrays import Floats, Int32s, Int64s, Ints
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
@@ -166,7 +167,7 @@ def swap_each(order, first, second):
         order[first[i]], order[second[i]] = order[second[i]], order[first[i]]
 
 
-def shuffle(cuts: Ints, order: Ints, rng: np.random.Generator) -> None:
+def shuffle(cuts: Ints, order: Ints, rng: Generator) -> None:
     count = np.maximum(np.diff(cuts) - 1, 0)
     stretch = np.repeat(np.arange(len(count)), count)
     last = cuts[stretch + 1] - 1 - (np.arange(len(stretch)) - (np.cumsum(count) - count)[stretch])

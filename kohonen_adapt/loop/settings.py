@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.random import Generator
 
 from kohonen_adapt.checks import check_fraction, check_tolerance
 from kohonen_adapt.geometry.rules import Rules
@@ -55,7 +56,7 @@ class Settings:
         if not isinstance(self.anisotropic, bool | np.bool_) and self.anisotropic != "auto":
             raise ValueError(f"anisotropic must be 'auto', True or False; got {self.anisotropic!r}.")
 
-    def rng(self, number: int) -> np.random.Generator:
+    def rng(self, number: int) -> Generator:
         return np.random.default_rng(int(np.random.SeedSequence((self.seed, number)).generate_state(1)[0]))
 
 

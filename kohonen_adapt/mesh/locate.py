@@ -15,7 +15,7 @@ from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at, parts_of_regions
 from kohonen_adapt.mesh.cells import cell_of, check_kind, corner_positions, width_of
 from kohonen_adapt.mesh.curved import Isoparametric, check_curved_sides, is_second_order
-from kohonen_adapt.mesh.tessellation import Tessellation
+from kohonen_adapt.mesh.tessellation import AnyTessellation
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -36,7 +36,7 @@ CHUNK = 500_000  # points per compiled call, so that Ctrl-C takes effect within 
 CACHED = 20_000  # number of elements whose data fit into the cache of a processor
 NEAR = 1e-9  # of the size of the mesh or of an element, by which a point inside may lie outside by rounding errors
 
-TESSELLATIONS: dict[int, type[Tessellation[Any, Any]]] = {2: Triangulation, 3: Tetrahedralization}  # by dimension
+TESSELLATIONS: dict[int, type[AnyTessellation]] = {2: Triangulation, 3: Tetrahedralization}  # by dimension
 
 
 class Locator:
@@ -47,7 +47,7 @@ class Locator:
     on any domain. Later changes of the tessellation have no effect.
     """
 
-    def __init__(self, tessellation: Tessellation[Any, Any]) -> None:
+    def __init__(self, tessellation: AnyTessellation) -> None:
         elements = tessellation.elements
         self.position, node = tessellation.position.copy(), elements.node.copy()
         self.elements = elements._replace(
@@ -58,8 +58,8 @@ class Locator:
         self.grid = grid._replace(content=np.empty(grid.start[-1], np.int32))
         fill_cells(self.position, node, self.grid)
 
-    def find(self, points: Floats) -> NDArray[np.int32]:
-        found = np.empty(len(points), dtype=np.int32)
+    def find(self, points: Floats) -> Int32s:
+        found = np.empty(len(points), np.int32)
         for first in range(0, len(points), CHUNK):
             part = slice(first, first + CHUNK)
             order: Ints | slice = slice(None)
@@ -94,7 +94,7 @@ def barycentric_coordinates(position: Floats, node: Ints, points: Floats, found:
     return out
 
 
-def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start: Ints, across_regions: bool) -> Ints:
+def walk_to_elements(tessellation: AnyTessellation, points: Floats, start: Ints, across_regions: bool) -> Ints:
     """Return the element that contains each point, by a walk from `start`.
 
     If the walk is blocked or too long, the search continues across interfaces, and then over all elements. For a point
@@ -120,7 +120,7 @@ def walk_to_elements(tessellation: Tessellation[Any, Any], points: Floats, start
 
 
 def walk_in_parts(
-    tessellation: Tessellation[Any, Any],
+    tessellation: AnyTessellation,
     points: Floats,
     start: Ints,
     nearest: Callable[[Any, Floats, Mask], Ints],
@@ -137,7 +137,7 @@ def walk_in_parts(
 
 
 def nearest_labelled(
-    tessellation: Tessellation[Any, Any],
+    tessellation: AnyTessellation,
     points: Floats,
     labels: Ints,
     label: Ints,

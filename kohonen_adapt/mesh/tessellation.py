@@ -15,7 +15,7 @@ from kohonen_adapt.mesh.host import remade
 from kohonen_adapt.mesh.names import regions_of, subdomains_of
 from kohonen_adapt.mesh.validity import check_mesh
 
-__all__ = ["Tessellation"]
+__all__ = ["AnyTessellation", "Tessellation"]
 
 ElementArrays = TypeVar("ElementArrays", bound=Any)
 StarArrays = TypeVar("StarArrays", bound=Any)
@@ -94,3 +94,6 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
             t = mesh.t.copy()
         subdomains = subdomains_of(mesh, self.region_of_input, self.elements.region[used])
         return remade(mesh, np.ascontiguousarray(self.position.T), t, boundaries=None, subdomains=subdomains)
+
+
+AnyTessellation = Tessellation[Any, Any]

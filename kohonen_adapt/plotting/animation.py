@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 from PIL import Image
 from skfem import MeshTri
@@ -24,7 +25,7 @@ from kohonen_adapt.som.schedule import Schedule, check_training
 
 __all__ = ["animate_map", "animate_passes"]
 
-Draw = Callable[[int, np.random.Generator], tuple[ArrayLike, ArrayLike | None]]
+Draw = Callable[[int, Generator], tuple[ArrayLike, ArrayLike | None]]
 Frame = tuple[MeshTri, str]
 
 MOST = 60  # maximum number of frames, which include the first and the last

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 from skfem import Mesh
@@ -119,7 +120,7 @@ class KohonenMap:
 
     def train(
         self,
-        points: ArrayLike | Callable[[int, np.random.Generator], tuple[ArrayLike, ArrayLike | None]],
+        points: ArrayLike | Callable[[int, Generator], tuple[ArrayLike, ArrayLike | None]],
         schedule: Schedule | None = None,
         *,
         weights: ArrayLike | None = None,
@@ -184,7 +185,7 @@ class KohonenMap:
         if weights is not None:
             raise ValueError("weights must come from the callable when points is one; got both.")
 
-        def draw(number: int, rng: np.random.Generator) -> Draw:
+        def draw(number: int, rng: Generator) -> Draw:
             return self._located(find, *points_and_weights(points(number, rng)))
 
         return trainer.learn(draw, schedule, rng)

@@ -6,6 +6,7 @@ from math import floor, log2
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.random import Generator
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.tetrahedron import guard as guard_in_space
@@ -41,7 +42,7 @@ class MapMethod(ABC):
     updates: ClassVar[int]
 
     @abstractmethod
-    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+    def barycentric(self, count: int, rng: Generator) -> Floats:
         """Return uniform random barycentric coordinates 1 to dim, (dim, count)."""
 
     @abstractmethod
@@ -61,7 +62,7 @@ class PlaneMap(MapMethod):
     mark_valid = staticmethod(geometry.mark_valid)
     updates = 5_000_000
 
-    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+    def barycentric(self, count: int, rng: Generator) -> Floats:
         u, v = rng.random((2, count))
         outside = u + v > 1.0
         return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
@@ -81,7 +82,7 @@ class SpaceMap(MapMethod):
     mark_valid = staticmethod(guard_in_space.mark_valid)
     updates = 500_000
 
-    def barycentric(self, count: int, rng: np.random.Generator) -> Floats:
+    def barycentric(self, count: int, rng: Generator) -> Floats:
         return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
 
     def ring(self, rings: Ints) -> Ints:

@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
@@ -57,7 +58,7 @@ def move(
     density: ArrayLike | DataFunction,
     schedule: Schedule | None,
     topology: str,
-    rng: np.random.Generator,
+    rng: Generator,
     nodes: int = 0,
     recycles: bool = True,
     longest: Floats | None = None,
@@ -154,7 +155,7 @@ def move_in_space(
     density: ArrayLike | DataFunction,
     schedule: Schedule | None,
     topology: str,
-    rng: np.random.Generator,
+    rng: Generator,
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
     before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps

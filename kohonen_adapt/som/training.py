@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
+from numpy.random import Generator
 
 from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -37,7 +38,7 @@ STRIPS = 0.3  # maximum fraction of nodes near cuts, which have to wait
 TILE = 250  # number of nodes whose points are presented together, to stay in the cache; more for wide radii
 FEW = 1_000  # minimum number of stars or searches per thread
 
-Drawing = Callable[[int, np.random.Generator], Draw]
+Drawing = Callable[[int, Generator], Draw]
 
 
 @dataclass
@@ -77,9 +78,7 @@ class Trainer:
         method, refused = map_method_of(neurons.position.shape[1]), np.zeros(2, np.int64)
         return cls(movable, method, order, rank, neurons, scratch_for(neurons), refused)
 
-    def learn(
-        self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, starts: Ints | None = None
-    ) -> tuple[float, ...]:
+    def learn(self, draw: Drawing, schedule: Schedule, rng: Generator, starts: Ints | None = None) -> tuple[float, ...]:
         """Train with drawn points, and return the quantisation error of every epoch.
 
         The error is the mean distance of the points to their winners before the update. `draw` returns points with
@@ -97,7 +96,7 @@ class Trainer:
         self.movable.project_nodes()
         return errors
 
-    def _carry(self, draw: Drawing, rounds: int, rng: np.random.Generator, winners: Ints) -> None:
+    def _carry(self, draw: Drawing, rounds: int, rng: Generator, winners: Ints) -> None:
         if not rounds:
             return
         transport = Transport.of(self._triangles("rounds of transport"), self.rank)
@@ -107,7 +106,7 @@ class Trainer:
             winners[shown.element] = found
             transport.carry(shown, found, ceil((rounds - number) / FLOWS))
 
-    def _present(self, draw: Drawing, schedule: Schedule, rng: np.random.Generator, winners: Ints) -> tuple[float, ...]:
+    def _present(self, draw: Drawing, schedule: Schedule, rng: Generator, winners: Ints) -> tuple[float, ...]:
         count = self.movable.nnodes
         errors = list[float]()
         fixed_draw = None
@@ -136,9 +135,7 @@ class Trainer:
             self._flip()
         movable.project_nodes()
 
-    def epoch(
-        self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: np.random.Generator
-    ) -> float:
+    def epoch(self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: Generator) -> float:
         # The search for a point starts from the entry of `winners` at its `slot`; the winner replaces the entry.
         number, total = len(slot), 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
@@ -218,7 +215,7 @@ class Trainer:
             raise ValueError(f"the schedule has {what}, which are for triangles only; got tetrahedra. Use wider radii.")
         return self.movable
 
-    def _by_parts(self, winners: Ints, radius: int, parts: int, interior: Mask, rng: np.random.Generator) -> IntsPair:
+    def _by_parts(self, winners: Ints, radius: int, parts: int, interior: Mask, rng: Generator) -> IntsPair:
         n = len(interior)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
         cuts, order = np.empty(2 * tiles + 1, np.int64), np.empty(len(winners), np.int32)

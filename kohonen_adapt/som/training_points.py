@@ -3,9 +3,10 @@
 from dataclasses import replace
 from functools import cached_property
 from math import factorial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
@@ -14,7 +15,7 @@ from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.mesh.locate import Locator, barycentric_coordinates, walk_to_elements
 from kohonen_adapt.mesh.shapes import logarithms, mean_shapes, shapes_at_nodes
-from kohonen_adapt.mesh.tessellation import Tessellation
+from kohonen_adapt.mesh.tessellation import AnyTessellation
 from kohonen_adapt.som.density import parts_of, per_element, values_at, without_zeros
 from kohonen_adapt.som.map_method import map_method_of
 
@@ -56,7 +57,7 @@ class Density:
     shape: Floats | None = None
     _near: Ints
 
-    def __init__(self, mesh: Tessellation[Any, Any]) -> None:
+    def __init__(self, mesh: AnyTessellation) -> None:
         own = {name: getattr(mesh.elements, name).copy() for name in ("node", "neighbour", "region")}
         self.base = replace(mesh, position=mesh.position.copy(), elements=mesh.elements._replace(**own))
         self.position, self.elements = self.base.position, self.base.elements
@@ -92,7 +93,7 @@ class Density:
             return None
         return shapes_at_nodes(self.elements.node, self.shape, self.sizes, len(self.position))
 
-    def shapes_now(self, mesh: Tessellation[Any, Any], near: Ints | None = None) -> Floats | None:
+    def shapes_now(self, mesh: AnyTessellation, near: Ints | None = None) -> Floats | None:
         # at the nodes of a mesh, each `near` an element of the mesh of the density, or near the element found before
         nodal = self.nodal_shapes()
         if nodal is None:
@@ -108,17 +109,17 @@ class Density:
         node, values = self.elements.node, self.masses / self.sizes
         return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
-    def draw(self, number: int, rng: np.random.Generator) -> Draw:
+    def draw(self, number: int, rng: Generator) -> Draw:
         points, element = self._drawn(number, rng)
         shape = None if self.shape is None else self.shape[element]
         return Draw(points, element, self.elements.region[element], np.ones(number), shape)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
+    def _drawn(self, number: int, rng: Generator) -> tuple[Floats, Int32s]:
         raise NotImplementedError
 
 
 class ElementDensity(Density):
-    def __init__(self, mesh: Tessellation[Any, Any], values: Floats) -> None:
+    def __init__(self, mesh: AnyTessellation, values: Floats) -> None:
         super().__init__(mesh)
         self.values = without_zeros(values, values.max())
         self.masses = self.sizes * self.values
@@ -154,7 +155,7 @@ class ElementDensity(Density):
         )
         return np.log(mass / size)[of_corner].reshape(node.shape)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
+    def _drawn(self, number: int, rng: Generator) -> tuple[Floats, Int32s]:
         dim = self.method.cell.dim
         points, element = np.empty((number, dim)), np.empty(number, np.int32)
         arrays = self.position, self.elements.node, self._order, self._cumulated, rng.random((number, dim + 1))
@@ -163,7 +164,7 @@ class ElementDensity(Density):
 
 
 class FunctionDensity(Density):
-    def __init__(self, mesh: Tessellation[Any, Any], function: DataFunction) -> None:
+    def __init__(self, mesh: AnyTessellation, function: DataFunction) -> None:
         super().__init__(mesh)
         self.function = function
         if self.method.cell.dim == 2:
@@ -185,14 +186,14 @@ class FunctionDensity(Density):
         most = AT_ONCE // self.points_per_element
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
-    def _candidates(self, stretch: Ints, rng: np.random.Generator) -> FloatsPair:
+    def _candidates(self, stretch: Ints, rng: Generator) -> FloatsPair:
         points = self._points_in(np.repeat(stretch, self.points_per_element), rng)
         return points, values_at(self.function, points)
 
     def at(self, points: Floats) -> Floats:
         return without_zeros(values_at(self.function, points), self.largest)
 
-    def _drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Int32s]:
+    def _drawn(self, number: int, rng: Generator) -> tuple[Floats, Int32s]:
         """Draw about `number` of many candidates with probability according to density.
 
         The points are stratified along the order of the elements; every interval has as many as its mass requires.
@@ -205,7 +206,7 @@ class FunctionDensity(Density):
         points, element = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
         return points, element
 
-    def _draw_from(self, stretch: Ints, number: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
+    def _draw_from(self, stretch: Ints, number: int, rng: Generator) -> tuple[Floats, Ints]:
         points, values = self._candidates(stretch, rng)
         cumulated = np.cumsum(
             np.repeat(self.sizes[stretch], self.points_per_element) * without_zeros(values, self.largest)
@@ -214,7 +215,7 @@ class FunctionDensity(Density):
         chosen = np.minimum(np.searchsorted(cumulated, levels), len(cumulated) - 1)
         return points[chosen], stretch[chosen // self.points_per_element]
 
-    def _points_in(self, element: Int32s, rng: np.random.Generator) -> Floats:
+    def _points_in(self, element: Int32s, rng: Generator) -> Floats:
         corners = [self.position[self.elements.node[element, k]] for k in range(self.method.cell.dim + 1)]
         points = corners[0]
         for barycentric, corner in zip(self.method.barycentric(len(element), rng), corners[1:], strict=True):
@@ -222,7 +223,7 @@ class FunctionDensity(Density):
         return points
 
 
-def density_of(mesh: Tessellation[Any, Any], density: ArrayLike | DataFunction, row: Ints | None = None) -> Density:
+def density_of(mesh: AnyTessellation, density: ArrayLike | DataFunction, row: Ints | None = None) -> Density:
     # `row` is the previous index of every element of a mesh that was renumbered
     values, shape = parts_of(density, mesh.centroids()[slice(None) if row is None else ranks(row, len(row))])
     if callable(values):

@@ -13,6 +13,7 @@ from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 from skfem import Mesh
 
@@ -86,7 +87,7 @@ def to_halve(element: Ints, number: Ints, regular: Mask) -> Mask:
     return found
 
 
-def ranks(p: Floats, key: Ints, rng: np.random.Generator) -> Ints:
+def ranks(p: Floats, key: Ints, rng: Generator) -> Ints:
     # The order of equal lengths is random: along a row of equal edges many can be halved in one step.
     one, other = np.divmod(key, NODES)
     length = np.round(CLASSES * np.log2(magnitude(p[:, one] - p[:, other])))

@@ -30,6 +30,9 @@ STEEPEST = np.radians(41.0)  # maximum turn between strips of a coarse cylinder:
 GROWTHS = 20  # maximum number of growth steps; growth ends when no face is added
 
 
+Rounds = list[tuple[Ints, Round]]  # with their faces
+
+
 def patches_of(faces: Faces, seams: Seams, position: Floats, surfaces: NamedSurfaces) -> Patches:
     user_defined = curve_of_facets(faces.sides, len(faces.element), surfaces, "surface")
     without_corner = np.array([*(isinstance(each, tuple(KINDS)) for each in surfaces.values()), False])
@@ -153,7 +156,7 @@ class Skin:
         return among & proper[self.plane]
 
 
-def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
+def rounds_among(skin: Skin, faces: Mask) -> Rounds:
     """Return the spheres and cylinders among faces (f,), each with its faces.
 
     A cylinder with fewer than ten nodes, or with nodes at fewer than six angles around the axis, is kept only if
@@ -167,10 +170,10 @@ def rounds_among(skin: Skin, faces: Mask) -> list[tuple[Ints, Round]]:
     return [(part, each) for part, each in found if not each.is_coarse or is_coaxial(each)]
 
 
-def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) -> list[tuple[Ints, Round]]:
+def with_steep_faces(skin: Skin, pairs: Ints, rounds: Rounds) -> Rounds:
     # Single faces of coarse spheres turn by a corner or more, and join a sphere to which two neighbours belong. `pairs`
     # (j, 2) are the neighbours at all seams.
-    free, found = np.bincount(skin.plane)[skin.plane] == 1, list[tuple[Ints, Round]]()
+    free, found = np.bincount(skin.plane)[skin.plane] == 1, Rounds()
     for part, _ in rounds:
         free[part] = False
     for part, each in rounds:
@@ -185,7 +188,7 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: list[tuple[Ints, Round]]) 
     return found
 
 
-def with_coaxial_prisms(steep: Skin, rounds: list[tuple[Ints, Round]], faces: Mask) -> list[tuple[Ints, Round]]:
+def with_coaxial_prisms(steep: Skin, rounds: Rounds, faces: Mask) -> Rounds:
     # Cylinders of nine or ten strips turn by a corner or more, and are prisms unless another cylinder has their axis.
     free = faces.copy()
     for part, _ in rounds:
@@ -194,7 +197,7 @@ def with_coaxial_prisms(steep: Skin, rounds: list[tuple[Ints, Round]], faces: Ma
     return rounds + [(part, each) for part, each in found if any(are_coaxial(each, other) for _, other in rounds)]
 
 
-def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
+def rounds_of_set(skin: Skin, part: Ints) -> Rounds:
     if whole := round_of(skin.position, skin.nodes[part]):
         return [(part, whole)]
     curved = skin.proper_planes(part)
@@ -208,7 +211,7 @@ def rounds_of_set(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
     return found
 
 
-def grown(skin: Skin, part: Ints) -> list[tuple[Ints, Round]]:
+def grown(skin: Skin, part: Ints) -> Rounds:
     number = np.full(len(skin.nodes), -1)
     number[part] = np.arange(len(part))
     own = number[skin.pairs]

@@ -237,12 +237,12 @@ class Points(NamedTuple):
     polynomial of a varying source there.
     """
 
-    last: np.ndarray  # (9, 2) int32: numbers of points up to the last for linear and for nonlinear material
-    weight: np.ndarray  # (9, points): with sum 1 for each material
-    share: np.ndarray  # (9, points, 3): barycentric coordinates
-    value: np.ndarray  # (9, points, functions)
-    slope: np.ndarray  # (9, points, functions, 2): gradients
-    side: np.ndarray  # (9, points, 3, 3): value and gradient of the even function of each side
+    last: Array  # (9, 2) int32: numbers of points up to the last for linear and for nonlinear material
+    weight: Array  # (9, points): with sum 1 for each material
+    share: Array  # (9, points, 3): barycentric coordinates
+    value: Array  # (9, points, functions)
+    slope: Array  # (9, points, functions, 2): gradients
+    side: Array  # (9, points, 3, 3): value and gradient of the even function of each side
 
 
 @record
