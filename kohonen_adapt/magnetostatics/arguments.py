@@ -87,7 +87,7 @@ class Arguments:
     sides: Curves | None = None
 
     def __post_init__(self) -> None:
-        order = checked_choices(self, 2)
+        order = checked_choices(self, 2, ORDERS, ESTIMATORS)
         check_materials(self.materials, 2)
         self._check_fixed()
         self._check_depth()
@@ -210,15 +210,15 @@ class Arguments:
         return x, y
 
 
-def checked_choices(problem: Any, dim: int) -> int:
+def checked_choices(problem: Any, dim: int, orders: range, estimators: Sequence[str]) -> int:
     """Check estimator, order and goal of a problem, and return the order."""
     estimator, order = problem.estimator, problem.order
-    if estimator not in ESTIMATORS:
-        raise ValueError(f"estimator must be one of {', '.join(map(repr, ESTIMATORS))}; got {estimator!r}.")
+    if estimator not in estimators:
+        raise ValueError(f"estimator must be one of {', '.join(map(repr, estimators))}; got {estimator!r}.")
     if isinstance(order, AutoOrder) or str(order) == "auto":
         # Least time to an error: python -m benchmarks goal-orders, in space forces-in-space
         order = AutoOrder(2 if estimator == "residual" else 1)
-    checked_order(order, ORDERS, ", or 'auto'")
+    checked_order(order, orders, ", or 'auto'")
     if not isinstance(problem.curved, bool):
         raise ValueError(f"curved must be True or False; got {problem.curved!r}.")
     if order > 1 and estimator != "residual":

@@ -125,7 +125,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        store(self, {"order": checked_choices(self, 3)})
+        store(self, {"order": checked_choices(self, 3, ORDERS, ESTIMATORS)})
 
     @property
     def orders(self) -> tuple[int, int]:
