@@ -105,7 +105,7 @@ def planes() -> Iterator[Row]:
 def solids() -> Iterator[Row]:
     """Tetrahedra."""
     for solid, cells in SOLIDS:
-        yield row_of(solid.name, solid.mesh(cells), solid, solid.error, 1 / 3)
+        yield row_of(f"{solid.name}, tetrahedra", solid.mesh(cells), solid, solid.error, 1 / 3)
 
 
 def row_of(name: str, start: Mesh, problem: Any, error: Measure, rate: float) -> Row:
