@@ -52,12 +52,15 @@ class PlaneDescent:
         Function, which changes.
     recycled
         Nodes recycled so far.
+    known
+        Value of an approximate functional, None if not computed yet.
     """
 
     movable: MovableMesh
     functional: Functional
     trial: TrialFunction
     recycled: Recycled
+    known: float | None = None
 
     def further(self, whole: bool) -> int:
         return (MORE if whole else MORE_IN_GROWTH)[self.functional.ritz.order - 1]
@@ -68,7 +71,7 @@ class PlaneDescent:
         # which the kernels do not include.
         if not self.functional.is_approximate:
             return self, sweep(self.movable, self.functional, self.trial, sweeps, swap_first)
-        total, value = 0.0, self.value()
+        total, value = 0.0, self.current_value()
         interval = RESAMPLE_SOURCE if self.functional.has_varying_source else RESAMPLE
         for done in range(0, sweeps, interval):
             ways = dict.fromkeys([(swap_first and not done, True), (False, True), (False, False)])
@@ -77,7 +80,10 @@ class PlaneDescent:
             if not gain:
                 break
             total += gain
-        return self, total
+        return replace(self, known=value), total
+
+    def current_value(self) -> float:
+        return self.value() if self.known is None else self.known
 
     def value(self) -> float:
         return self.functional.value(self.movable.triangulation, self.trial)
@@ -96,22 +102,23 @@ class PlaneDescent:
         return 0.0, before
 
     def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
-        exchange = self.recycle()
-        after = replace(self, trial=exchange.trial, recycled=exchange.recycled)
-        decrease = exchange.decrease + after.descend_checked(sweeps, swap_first)[1]
-        return after, decrease, self.still_pays(exchange)
+        exchange, value = self.recycle()
+        after = replace(self, trial=exchange.trial, recycled=exchange.recycled, known=value)
+        after, decrease = after.descend_checked(sweeps, swap_first)
+        return after, exchange.decrease + decrease, self.still_pays(exchange)
 
-    def recycle(self) -> Exchange:
+    def recycle(self) -> tuple[Exchange, float | None]:
+        # Returned last is the value of an approximate functional.
         movable, functional, trial = self.movable, self.functional, self.trial
         if not functional.is_approximate:
-            return recycle_by_energy(movable, functional, trial, self.recycled)
-        state, before = movable.state(), functional.value(movable.triangulation, trial)
+            return recycle_by_energy(movable, functional, trial, self.recycled), None
+        state, before = movable.state(), self.current_value()
         done = recycle_by_energy(movable, functional, trial, self.recycled)
-        full_decrease = before - functional.value(movable.triangulation, done.trial)
-        if full_decrease > 0.0:
-            return done._replace(decrease=min(done.decrease, full_decrease))
+        after = functional.value(movable.triangulation, done.trial)
+        if after < before:
+            return done._replace(decrease=min(done.decrease, before - after)), after
         movable.restore(state)
-        return Exchange(trial, self.recycled, 0.0, done.offered)
+        return Exchange(trial, self.recycled, 0.0, done.offered), before
 
     def still_pays(self, exchange: Exchange) -> bool:
         if self.functional.ritz.order == 1:
