@@ -184,14 +184,15 @@ class SpaceDescent:
         return (self, decrease) if decrease > 0.0 else (before, 0.0)
 
     def recycle_checked(self, sweeps: int, swap_first: bool, whole: bool) -> tuple[Self, float, bool]:
-        # A recycling may raise the functional, since sweeps and swaps lower the functional afterwards.
+        # A recycling may raise the functional, since sweeps and swaps lower the functional afterwards. If these do not
+        # suffice, the nodes stay.
         before = self.copy()
         pairs, decrease = self.recycle(whole)
         decrease += self.descend(sweeps, swap_first)
         if self.functional.is_approximate:
             decrease = before.value() - self.value()
         if decrease < 0.0:
-            return before, 0.0, False
+            return *before.descend_checked(sweeps, swap_first), False
         return replace(self, pairs=self.pairs + pairs), decrease, pairs > SETTLED * self.movable.nnodes
 
     def further(self, whole: bool) -> int:
