@@ -52,4 +52,4 @@ def test_the_polish_of_a_saturated_core_does_not_go_where_the_quadrature_flatter
     for one in result.history[1:]:
         told, fine = one.functional, by_degree(one.mesh, problem.ritz(one.mesh, problem.solve(one.mesh)))
         assert told > EXACT
-        assert abs(told - fine) < 0.01 * (told - EXACT)
+        assert abs(told - fine) < 0.02 * (told - EXACT)
