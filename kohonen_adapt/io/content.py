@@ -12,14 +12,12 @@ from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.mesh.host import keys_of
 
 __all__ = [
-    "ALLOWED_BYTES",
     "CORNERS",
     "DIMENSION",
     "EXACT_INTEGERS",
     "GMSH_TETRAHEDRON",
     "LARGEST_TAG",
     "LINE",
-    "MAX_EXPANSION",
     "MSH_VERSION",
     "POINT",
     "TETRAHEDRON",
@@ -48,8 +46,6 @@ MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
 GMSH_TETRAHEDRON = [*range(8), 9, 8]  # ten nodes of VTK and Elmer in Gmsh's order, and back
 LARGEST_TAG = 2**31 - 1  # of a physical group: Gmsh stores tags as int
 EXACT_INTEGERS = 2.0**53  # smaller integers are exact as floats, to which text is parsed
-MAX_EXPANSION = 200  # largest ratio of unpacked data to the size of a file,
-ALLOWED_BYTES = 2**26  # and bytes allowed in addition
 MAX_REASON = 160  # characters of a reason, which may quote the file
 
 ROTATE = {

@@ -1,6 +1,5 @@
 """Good files of every kind, ways to spoil them, and what a reader may do with the outcome."""
 
-import base64
 import re
 import struct
 import zlib
@@ -115,21 +114,21 @@ def mesh_seeds(folder):
     return seeds
 
 
-def raw_vtu(declared=None, repeat=1):
+def raw_vtu():
     """Two triangles as ParaView writes them: appended, raw, compressed."""
     arrays = {
         "Points": np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]),
         "connectivity": np.array([0, 1, 2, 1, 3, 2]),
         "offsets": np.array([3, 6]),
         "types": np.array([5, 5], np.uint8),
-        "e": np.array([1.5, 2.5] * repeat),
+        "e": np.array([1.5, 2.5]),
     }
     blob, offsets = b"", {}
     for name, values in arrays.items():
         offsets[name] = len(blob)
         data = values.tobytes()
         packed = zlib.compress(data)
-        blob += struct.pack("<4I", 1, declared if declared and name == "e" else len(data), 0, len(packed)) + packed
+        blob += struct.pack("<4I", 1, len(data), 0, len(packed)) + packed
     kinds = {"Points": 'Float64" NumberOfComponents="3', "types": "UInt8", "e": "Float64"}
 
     def array(name):
@@ -143,16 +142,3 @@ def raw_vtu(declared=None, repeat=1):
         f'<CellData>{array("e")}</CellData></Piece></UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
     )
     return head.encode() + blob + b"\n</AppendedData>\n</VTKFile>\n"
-
-
-def bomb(megabytes):
-    """A VTU file of some hundred kilobytes with an array of zeros, in base64."""
-    packer = zlib.compressobj(9)
-    packed = b"".join([*(packer.compress(bytes(2**20)) for _ in range(megabytes)), packer.flush()])
-    header = base64.b64encode(struct.pack("<4I", 1, megabytes * 2**20, 0, len(packed))).decode()
-    text = header + base64.b64encode(packed).decode()
-    return (
-        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" compressor="vtkZLibDataCompressor">'
-        f'<UnstructuredGrid><Piece><Points><DataArray type="Float64" format="binary">{text}</DataArray></Points>'
-        "</Piece></UnstructuredGrid></VTKFile>"
-    ).encode()

@@ -237,25 +237,6 @@ def test_xdmf_opens_nothing_but_what_is_beside_it(item, said, tmp_path):
         ka.read_mesh(tmp_path / "m.xdmf")
 
 
-def test_hdf_opens_nothing_else_and_does_not_grow(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    two_rooms().save(tmp_path / "m.xdmf")
-    for name, spoil in {
-        "is a link": lambda file: file.__setitem__("data0", h5py.ExternalLink("/etc/passwd", "/a")),
-        "has its data in another file": lambda file: file.create_dataset(
-            "data0", (9, 3), "f8", external=[(str(tmp_path / "raw"), 0, 216)]
-        ),
-        "unpacks to more data than plausible": lambda file: file.create_dataset(
-            "data0", (10**9, 3), "f8", chunks=(1000, 3), compression="gzip"
-        ),
-    }.items():
-        with h5py.File(tmp_path / "m.h5", "a") as file:
-            del file["data0"]
-            spoil(file)
-        with pytest.raises(ValueError, match=name):
-            ka.read_mesh(tmp_path / "m.xdmf")
-
-
 def test_without_h5py_the_error_names_the_extra(tmp_path):
     (tmp_path / "m.med").write_bytes(b"")
     code = "import sys; sys.modules['h5py'] = None; import kohonen_adapt as ka; ka.read_mesh(sys.argv[1])"
