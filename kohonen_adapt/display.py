@@ -6,9 +6,10 @@ from math import comb, floor, log10
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.cells import corner_positions
 from kohonen_adapt.mesh.curved import is_second_order, midside_offsets, offsets_of_sides
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
@@ -20,10 +21,10 @@ __all__ = [
     "decades_of",
     "divided",
     "divisions_of",
+    "field_values",
     "in_unit",
     "lattice",
     "lattice_points",
-    "lattice_shape",
     "level_of_share",
     "outlined_facets",
     "plural",
@@ -154,14 +155,21 @@ def divisions_of(points: int, dim: int = 2) -> int:
     return next((n for n in range(1, points) if comb(n + dim, dim) == points), 0)
 
 
-def lattice_shape(name: str, values: ArrayLike, nelements: int) -> dict[str, int]:
-    points = len(np.asarray(values))
-    if not divisions_of(points):
-        raise ValueError(
-            f"{name} must have shape (k, nelements) = (k, {nelements}) with k = (n + 1) (n + 2) / 2 points of a "
-            f"lattice in every element, 3 for the corners; got {np.shape(values)}."
-        )
-    return {"k": points, "nelements": nelements}
+def field_values(name: str, given: ArrayLike, mesh: Mesh, nodal: bool) -> Floats:
+    """Return the checked values of a field as floats.
+
+    Shapes are (nnodes,), (nelements,), or on triangles (k, nelements), at the points of a lattice in every element.
+    """
+    points = len(np.asarray(given))
+    shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.nelements}
+    if np.ndim(given) == len(mesh.p) == 2:
+        if not divisions_of(points):
+            raise ValueError(
+                f"{name} must have shape (k, nelements) = (k, {mesh.nelements}) with k = (n + 1) (n + 2) / 2 points of "
+                f"a lattice in every element, 3 for the corners; got {np.shape(given)}."
+            )
+        shape = {"k": points, "nelements": mesh.nelements}
+    return as_reals(name, given, shape)
 
 
 def divided(mesh: MeshTri, divisions: int) -> MeshTri:

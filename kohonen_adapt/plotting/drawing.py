@@ -18,9 +18,9 @@ from kohonen_adapt.display import (
     decades_of,
     divided,
     divisions_of,
+    field_values,
     in_unit,
     lattice,
-    lattice_shape,
     level_of_share,
     outlined_facets,
     straight_and_curved,
@@ -191,8 +191,8 @@ def draw_field_lines(
     >>> figure.savefig("lines.png")
     """
     shown = flat(mesh, plane, axisymmetric)
-    magnitude = shown.of_elements(_values("magnitude", magnitude, mesh, {"nelements": mesh.nelements}))
-    potential = shown.of_nodes(_values("potential", potential, mesh, {"nnodes": int(mesh.nvertices)}))
+    magnitude = shown.of_elements(field_values("magnitude", magnitude, mesh, nodal=False))
+    potential = shown.of_nodes(field_values("potential", potential, mesh, nodal=True))
     mesh = shown.mesh
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
     norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
@@ -212,11 +212,6 @@ def draw_field_lines(
 
 def _on_finer_lattice(mesh: MeshTri, values: Floats) -> Floats:
     return lattice(PARTS)[0].T @ values if is_second_order(mesh) and len(values) == 3 else values
-
-
-def _values(name: str, given: ArrayLike, mesh: Mesh, shape: dict[str, int]) -> Floats:
-    inside = np.ndim(given) == len(mesh.p) == 2
-    return as_reals(name, given, lattice_shape(name, given, mesh.nelements) if inside else shape)
 
 
 def indicator_scale(*indicators: ArrayLike) -> Normalize:

@@ -25,16 +25,9 @@ class Layer {
     this.pixels = new Uint32Array(this.image.data.buffer);
   }
 
-  valuesOf(k, field) {
-    if (!this.mesh.values[k] && (field.kind === "quality" || field.kind === "size")) {
-      this.mesh.values[k] = shapeOf(this.mesh, field.kind);
-    }
-    return this.mesh.values[k];
-  }
-
   coloursOf(k, field) {
     if (this.coloured && this.coloured.k === k) return this.coloured.colours;
-    const paint = painter(field), values = this.valuesOf(k, field), colours = new Uint32Array(this.mesh.count);
+    const paint = painter(field), values = this.mesh.values[k], colours = new Uint32Array(this.mesh.count);
     for (let e = 0; e < colours.length; e++) colours[e] = paint(values && values[e]);
     this.coloured = {k, colours};
     return colours;
@@ -245,7 +238,7 @@ class Layer {
     const point = [x + this.mesh.centre[0], y + this.mesh.centre[1]];
     const said = {e: this.mesh.elements ? this.mesh.elements[e] : e, point};  // of a cut, what it is a piece of
     if (field.kind === "plain") return {...said, value: null};
-    if (field.at === "element") return {...said, value: this.valuesOf(k, field)[e]};
+    if (field.at === "element") return {...said, value: this.mesh.values[k][e]};
     const {planes, planeAt} = this.planesOf(k, field), q = planeAt(e, x, y);
     return {...said, value: planes[q] + planes[q + 1] * x + planes[q + 2] * y};
   }

@@ -24,7 +24,7 @@ async function unpacked({type, data}) {
 
 async function meshOf(packed) {
   const [x, y, nodes, outline] = await Promise.all([packed.x, packed.y, packed.t, packed.outline].map(unpacked));
-  const values = await Promise.all(packed.values.map(each => each && unpacked(each)));
+  const values = await Promise.all(packed.values.map(unpacked));
   const mesh = {name: packed.name, centre: packed.centre, x, y, nodes, outline, values};
   mesh.count = nodes.length / 3;
   mesh.edges = packed.edges ? await unpacked(packed.edges) : edgesOf(nodes, x.length);
@@ -46,19 +46,6 @@ function edgesOf(nodes, nnodes) {
   const pairs = new Uint32Array(2 * edges.length);
   edges.forEach((key, k) => { pairs[2 * k] = Math.floor(key / nnodes); pairs[2 * k + 1] = key % nnodes; });
   return pairs;
-}
-
-// Quality and size follow from the mesh itself: 4 sqrt(3) area / sum of squared edges, and sqrt(area).
-function shapeOf(mesh, wanted) {
-  const {x, y, nodes: t, count: m} = mesh, found = new Float32Array(m);
-  for (let e = 0; e < m; e++) {
-    const a = t[e], b = t[m + e], c = t[2 * m + e];
-    const ux = x[b] - x[a], uy = y[b] - y[a], vx = x[c] - x[a], vy = y[c] - y[a];
-    const area = Math.abs(ux * vy - uy * vx) / 2;
-    const squares = ux * ux + uy * uy + vx * vx + vy * vy + (ux - vx) ** 2 + (uy - vy) ** 2;
-    found[e] = wanted === "quality" ? 4 * Math.sqrt(3) * area / squares : Math.sqrt(area);
-  }
-  return found;
 }
 
 // The planes a + b x + c y of a field at nodes, or at the points of a lattice in each element, and a function from an

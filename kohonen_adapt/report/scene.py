@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints, Texts
-from kohonen_adapt.checks import as_reals
 from kohonen_adapt.display import (
     decades_of,
+    field_values,
     in_unit,
-    lattice_shape,
     level_of_share,
     outlined_facets,
     straight_and_curved,
@@ -38,16 +37,14 @@ HeldBy = Callable[[AdaptResult], ArrayLike]
 Results = Sequence[tuple[AdaptResult, Flat]]
 """Results with the plane meshes to show."""
 
-QUALITY = "quality (1: regular, 0: flat)"
-
 NAMELESS = "no name"
 NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
 
 MOST_NAMES = 255  # largest value of a byte; further sets of names share the last index
 
 
-Shown = tuple[dict[str, Any], list[dict[str, str] | None]]
-"""Label, kind and scale of a field, with packed values on every mesh, or None for values that the page computes."""
+Shown = tuple[dict[str, Any], list[dict[str, str]]]
+"""Label, kind and scale of a field, with packed values on every mesh."""
 
 
 def view_data(
@@ -79,7 +76,7 @@ def view_data(
         *(_field(label, each, function, "element") for label, function in fields[1].items()),
         *(_field(label, each, function, "node") for label, function in fields[0].items()),
         _indicators(indicator_label, each),
-        *([_by_page(QUALITY, "quality", 0.0, 1.0), _sizes(each, unit)] if plane is None else _of_solids(each, unit)),
+        *_shapes(each, unit),
         _subdomains(each),
     ]
     reasons = [text for text, _ in Counter(text for texts in why for text in texts.tolist() if text).most_common()]
@@ -132,7 +129,7 @@ def _held(why: Texts, index: Mapping[str, int]) -> dict[str, Any]:
 def _field(label: str, results: Results, function: FieldOf, at: str) -> Shown:
     # of nodes or elements, or in the plane on a lattice in each element
     nodal = at == "node"
-    checked = [_checked(label, function(each.solution), each.mesh, nodal) for each, _ in results]
+    checked = [field_values(label, function(each.solution), each.mesh, nodal) for each, _ in results]
     if nodal:
         values = [shown.of_nodes(each) for each, (_, shown) in zip(checked, results, strict=True)]
         finite = np.concatenate([each[np.isfinite(each)] for each in values])
@@ -151,17 +148,8 @@ def _field(label: str, results: Results, function: FieldOf, at: str) -> Shown:
     return about | ({"lines": True} if nodal else {}), arrays
 
 
-def _checked(label: str, values: ArrayLike, mesh: Mesh, nodal: bool) -> Floats:
-    shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.nelements}
-    inside = np.ndim(values) == len(mesh.p) == 2
-    return as_reals(label, values, lattice_shape(label, values, mesh.nelements) if inside else shape)
-
-
 def _indicators(label: str, results: Results) -> Shown:
-    values = [
-        shown.of_elements(as_reals("indicators", each.indicators, {"nelements": each.mesh.nelements}))
-        for each, shown in results
-    ]
+    values = [shown.of_elements(each.indicators) for each, shown in results]
     low, high = decades_of(values)
     return _scaled(label, values, low, high, "log") if high else _scaled(label, values, 0.0, 1.0)
 
@@ -183,22 +171,14 @@ def _middle_ends(values: Floats, mesh: Mesh) -> tuple[float, float]:
     return level_of_share(values, areas, 0.01), level_of_share(values, areas, 0.99)
 
 
-def _by_page(label: str, kind: str, low: float, high: float, scale: str = "linear") -> Shown:
-    return {"label": label, "kind": kind, "at": "element", "scale": scale, "low": low, "high": high}, [None, None]
-
-
-def _sizes(results: Results, unit: str) -> Shown:
-    sizes = np.concatenate([in_unit(unit) * np.sqrt(area(each.mesh)) for each, _ in results])
-    label = f"size, root of the area{f' ({unit})' if unit else ''}"
-    return _by_page(label, "size", float(sizes.min()), float(sizes.max()), "log")
-
-
-def _of_solids(results: Results, unit: str) -> list[Shown]:
-    sizes = [in_unit(unit) * shown.of_elements(np.cbrt(area(each.mesh))) for each, shown in results]
+def _shapes(results: Results, unit: str) -> list[Shown]:
+    dim = len(results[0][0].mesh.p)
+    root, measure = {2: ("root", "area"), 3: ("cube root", "volume")}[dim]
+    sizes = [in_unit(unit) * shown.of_elements(area(each.mesh) ** (1.0 / dim)) for each, shown in results]
     low, high = (float(bound(np.concatenate(sizes))) for bound in (np.min, np.max))
-    label = f"size, cube root of the volume{f' ({unit})' if unit else ''}"
+    label = f"size, {root} of the {measure}{f' ({unit})' if unit else ''}"
     qualities = [shown.of_elements(quality(each.mesh)) for each, shown in results]
-    return [_scaled(QUALITY, qualities, 0.0, 1.0), _scaled(label, sizes, low, high, "log")]
+    return [_scaled("quality (1: regular, 0: flat)", qualities, 0.0, 1.0), _scaled(label, sizes, low, high, "log")]
 
 
 def _subdomains(results: Results) -> Shown:
