@@ -4,12 +4,8 @@ import re
 import struct
 import zlib
 
-import meshio
 import numpy as np
 from hypothesis import strategies as st
-
-import kohonen_adapt as ka
-from helpers.mesh_files import two_rooms
 
 # What makes readers count, allocate or look up wrongly.
 NUMBERS = [
@@ -31,9 +27,8 @@ WORDS = [
 
 
 @st.composite
-def spoilt(draw, seeds):
-    """One of the good files with up to four changes."""
-    data = draw(st.sampled_from(seeds))
+def spoilt(draw, data):
+    """Return a good file with up to four changes."""
     for _ in range(draw(st.integers(1, 4))):
         data = draw(st.sampled_from(CHANGES))(draw, data)
     return data
@@ -91,27 +86,6 @@ def _word(draw, data):
 
 
 CHANGES = [_flip, _cut, _drop, _insert, _count, _lines, _word]
-
-
-def mesh_seeds(folder):
-    """Mesh files by suffix: what `write_mesh` and meshio write, and MSH 2.2 and 4.1 in binary."""
-    mesh = two_rooms()
-    fields = {"point_data": {"n": mesh.p[0]}, "cell_data": {"e": np.arange(64.0)}}
-    for suffix in (".msh", ".msh2", ".vtu"):
-        ka.write_mesh(folder / f"seed{suffix}", mesh, **fields)
-    seeds = {".msh": [(folder / f"seed{suffix}").read_bytes() for suffix in (".msh", ".msh2")]}
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    content = meshio.Mesh(points, [("triangle", mesh.t.T)], cell_data={"e": [np.arange(64.0)]})
-    tags = {name: [np.ones(64, np.int32)] for name in ("gmsh:physical", "gmsh:geometrical")}
-    dimensions = {"gmsh:dim_tags": np.tile([2, 1], (len(points), 1))}
-    for version in ("gmsh22", "gmsh"):
-        tagged = meshio.Mesh(points, content.cells, point_data=dimensions if version == "gmsh" else {}, cell_data=tags)
-        meshio.write(folder / "seed.msh", tagged, version, binary=True)
-        seeds[".msh"].append((folder / "seed.msh").read_bytes())
-    meshio.vtu.write(folder / "text.vtu", content, binary=False)
-    meshio.vtu.write(folder / "plain.vtu", content, compression=None)
-    seeds[".vtu"] = [(folder / f"{name}.vtu").read_bytes() for name in ("seed", "text", "plain")] + [raw_vtu()]
-    return seeds
 
 
 def raw_vtu():

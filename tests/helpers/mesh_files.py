@@ -95,25 +95,37 @@ def in_front(mesh, name):
 
 
 def groups_in_gmsh(path):
-    """Distinct elements of every physical group as Gmsh has them after reading: {(dimension, name): rows of nodes}."""
+    """Return name, rows of nodes and their places of every physical group in Gmsh, by dimension and number."""
     groups = {}
     with gmsh_session() as model:
         gmsh.open(str(path))
         for dimension, tag in model.getPhysicalGroups():
             nodes = []
             for entity in model.getEntitiesForPhysicalGroup(dimension, tag):
-                _, _, rows = model.mesh.getElements(dimension, entity)
+                kinds, _, rows = model.mesh.getElements(dimension, entity)
+                assert list(kinds) == [(15, 1, 2, 4)[dimension]]
                 nodes += [row.reshape(-1, dimension + 1) for row in rows]
-            rows = np.sort(np.concatenate(nodes), axis=1)
-            groups[dimension, model.getPhysicalName(dimension, tag)] = np.unique(rows, axis=0)
+            rows = np.unique(np.sort(np.concatenate(nodes), axis=1), axis=0)  # in MSH 2.2 some are there twice
+            places = np.array([[model.mesh.getNode(node)[0] for node in row] for row in rows])
+            groups[dimension, tag] = model.getPhysicalName(dimension, tag), rows, places
     return groups
 
 
 def assert_gmsh_has(path, mesh):
-    groups = groups_in_gmsh(path)
+    groups = {(dimension, name): rows for (dimension, _), (name, rows, _) in groups_in_gmsh(path).items()}
     d = len(mesh.p)
     wanted = {(d, name): mesh.t[:, items] for name, items in mesh.subdomains.items()}
     wanted |= {(d - 1, name): mesh.facets[:, items] for name, items in mesh.boundaries.items()}
     assert groups.keys() == wanted.keys()
     for key, nodes in wanted.items():
         assert_array_equal(groups[key], np.unique(1 + np.sort(nodes.T, axis=1), axis=0))
+
+
+def as_list(mesh, values, name="f", kind="ST"):
+    """Return a list as GetDP writes: elements by their corners, with values (nelements, k) at all of these."""
+    corners = np.vstack([mesh.p, np.zeros((3 - len(mesh.p), mesh.p.shape[1]))])[:, mesh.t].transpose(2, 1, 0)
+    rows = [
+        f"{kind}({','.join(map(repr, place))}){{{','.join(map(repr, row))}}};"
+        for place, row in zip(corners.reshape(mesh.nelements, -1).tolist(), values.tolist(), strict=True)
+    ]
+    return "\n".join([f'View "{name}" {{', *rows, "};\n"])

@@ -39,20 +39,6 @@ class Script:
         return self.energy
 
 
-class Left:
-    """A problem whose error is at the left side, and falls with every mesh."""
-
-    solves = 0
-
-    def solve(self, mesh):
-        self.solves += 1
-        return mesh.p[0]
-
-    def indicators(self, mesh, solution):
-        errors = 1.0 / (0.05 + solution[mesh.t].mean(axis=0))
-        return errors / np.linalg.norm(errors) / self.solves
-
-
 def script_of(*values):
     """An output that has the k-th value on the k-th mesh; an exception in its place is raised."""
 

@@ -9,14 +9,16 @@ import sys
 import tracemalloc
 import warnings
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.hostile_files import mesh_seeds, raw_vtu, spoilt
+from helpers.hostile_files import raw_vtu, spoilt
 from helpers.mesh_files import assert_same, two_rooms
+from helpers.small_files import ABAQUS, BY_HAND, GRID, SQUARE, SU2, disc, written
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -31,8 +33,29 @@ PATIENCE = 20_000  # ms: none of these files takes a tenth of a second; a loop w
 MEMORY = 120 * 2**20  # bytes: the files have some ten kilobytes
 LONGEST = 1000  # characters of a message
 
-CURVE = b"B, H\n# measured\n1.0, 500\n1.5, 3000\n1.9, 20000\n2.2, 200000\n"
-CASE = b"""mesh = "m.msh"
+
+def refused_or_read(reader, path, *arguments):
+    """What a reader gives, or None where it refuses as it may."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            return reader(path, *arguments)
+        except (ValueError, OSError) as error:
+            said = str(error)
+            assert str(path) in said and "\n" not in said and len(said) < LONGEST
+            return None
+
+
+def within_memory(read):
+    tracemalloc.start()
+    try:
+        read()
+        assert tracemalloc.get_traced_memory()[1] < MEMORY
+    finally:
+        tracemalloc.stop()
+
+
+CASE = """mesh = "m.msh"
 scale = 1e-3
 periodic = [["left", "right"]]
 [materials.iron]
@@ -50,95 +73,86 @@ quantity = "force"
 body = "iron"
 component = "x"
 """
+TEXTS = {
+    **BY_HAND,
+    "case.toml": CASE,
+    "steel.csv": "B, H\n# measured\n1.0, 500\n1.5, 3000\n1.9, 20000\n2.2, 200000\n",
+    "f.pos": 'View "f" {\nST(0,0,0,1,0,0,0,1,0){1,2,3};\nST(1,0,0,1,1,0,0,1,0){1,2,3};\n};\n',
+    "f.sol": "MeshVersionFormatted 2\n\nDimension 2\n\nSolAtVertices\n4\n2 1 3\n" + 4 * "0.5 4 0 1e2\n" + "\nEnd\n",
+    "abaqus.inp": ABAQUS,
+    "sets.inp": f"{SQUARE}*NSET, NSET=a\n1, 4\n*SURFACE, NAME=b\niron, S1\n12, E2\n",
+    "su2.su2": SU2,
+    "femm.ans": disc()[2],
+    **{f"elmer/{name}": text for name, text in GRID.items()},
+}
+BINARY = ["41.msh", "22.msh", "binary_41.msh", "binary_22.msh", "our.vtu", "text.vtu", "plain.vtu", "raw.vtu"]
+SEEDS = [*BINARY, "binary.vtk", "text.vtk", "meshio.mesh", *TEXTS]
+
+
+def seeds(folder):
+    """Return the content of every good file by its name in `SEEDS`, some of them written by `write_mesh` and meshio."""
+    mesh = two_rooms()
+    fields = {"point_data": {"n": mesh.p[0]}, "cell_data": {"e": np.arange(64.0)}}
+    for name, suffix in (("41.msh", ".msh"), ("22.msh", ".msh2"), ("our.vtu", ".vtu")):
+        ka.write_mesh(folder / f"seed{suffix}", mesh, **fields)
+        (folder / f"seed{suffix}").rename(folder / name)
+    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
+    content = meshio.Mesh(points, [("triangle", mesh.t.T)], cell_data={"e": [np.arange(64.0)]})
+    tags = {name: [np.ones(64, np.int32)] for name in ("gmsh:physical", "gmsh:geometrical")}
+    dimensions = {"gmsh:dim_tags": np.tile([2, 1], (len(points), 1))}
+    for version, data, name in (("gmsh22", {}, "binary_22.msh"), ("gmsh", dimensions, "binary_41.msh")):
+        tagged = meshio.Mesh(points, content.cells, point_data=data, cell_data=tags)
+        meshio.write(folder / name, tagged, version, binary=True)
+    meshio.vtu.write(folder / "text.vtu", content, binary=False)
+    meshio.vtu.write(folder / "plain.vtu", content, compression=None)
+    (folder / "raw.vtu").write_bytes(raw_vtu())
+    for binary, name in ((True, "binary.vtk"), (False, "text.vtk")):
+        meshio.vtk.write(folder / name, content, binary=binary)
+    meshio.medit.write(folder / "meshio.mesh", meshio.Mesh(mesh.p.T, content.cells))
+    binaries = {file.name: file.read_bytes() for file in folder.iterdir()}
+    return binaries | {name: text.encode() for name, text in TEXTS.items()}
 
 
 @pytest.fixture(scope="module")
-def seeds(tmp_path_factory):
-    return mesh_seeds(tmp_path_factory.mktemp("seeds"))
+def good(tmp_path_factory):
+    return seeds(tmp_path_factory.mktemp("seeds"))
 
 
-def refused_or_read(reader, path, *arguments):
-    """What a reader gives, or None where it refuses as it may."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        try:
-            return reader(path, *arguments)
-        except (ValueError, OSError) as error:
-            said = str(error)
-            assert str(path) in said and "\n" not in said and len(said) < LONGEST
-            return None
+def read_by_all(path):
+    """Read a file by every function that takes its suffix, fields on the mesh of the file if there is one."""
+    if path.suffix in OTHERS:
+        return refused_or_read(OTHERS[path.suffix], path)
+    mesh = None if path.suffix in (".pos", ".sol") else refused_or_read(ka.read_mesh, path)
+    if path.suffix in (".msh", ".vtu"):
+        refused_or_read(ka.read_groups, path)
+    other = MeshTri() if path.suffix == ".sol" else two_rooms()
+    for name in FIELDS.get(path.suffix, ()):
+        refused_or_read(ka.read_field, path, usable(mesh) or other, name)
+    if path.suffix == ".msh":  # on the mesh of the good files, as what came of the file may be no mesh to work with
+        refused_or_read(ka.read_curves, path, two_rooms())
 
 
 def usable(mesh):
-    """The mesh, unless what came of a spoilt file is none to work with."""
+    """Return the mesh, or None if it is no mesh to work with."""
     with suppress(ValueError), np.errstate(all="ignore"):
         check_mesh(mesh)
         return mesh
 
 
-def within_memory(read):
-    tracemalloc.start()
-    try:
-        read()
-        assert tracemalloc.get_traced_memory()[1] < MEMORY
-    finally:
-        tracemalloc.stop()
+FIELDS = {".msh": "en", ".vtu": "en", ".vtk": "e", ".pos": "f", ".sol": ["solution 1", "solution 2"]}
+OTHERS = {".toml": read_case, ".csv": read_bh}
 
 
-FUZZ = examples(150, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
-
-
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
-@FUZZ
+@pytest.mark.parametrize("name", SEEDS)
+@examples(60, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_spoilt_mesh_files(seeds, tmp_path_factory, suffix, data):
-    path = tmp_path_factory.mktemp("spoilt") / f"m{suffix}"
-    path.write_bytes(data.draw(spoilt(seeds[suffix])))
-
-    def read():
-        mesh = refused_or_read(ka.read_mesh, path)
-        refused_or_read(ka.read_groups, path)
-        for name in ("e", "n"):
-            refused_or_read(ka.read_field, path, usable(mesh) or two_rooms(), name)
-        if suffix == ".msh":  # of the mesh of the seeds, as what came of the file may be no mesh to work with
-            refused_or_read(ka.read_curves, path, two_rooms())
-
-    within_memory(read)
-
-
-@FUZZ
-@given(content=spoilt([CASE]))
-def test_spoilt_cases(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("spoilt") / "case.toml"
-    path.write_bytes(content)
-    within_memory(lambda: refused_or_read(read_case, path))
-
-
-@FUZZ
-@given(content=spoilt([CURVE]))
-def test_spoilt_curves(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("spoilt") / "steel.csv"
-    path.write_bytes(content)
-    within_memory(lambda: refused_or_read(read_bh, path))
-
-
-@FUZZ
-@given(content=spoilt([b'View "f" {\nST(0,0,0,1,0,0,0,1,0){1,2,3};\nST(1,0,0,1,1,0,0,1,0){1,2,3};\n};\n']))
-def test_spoilt_lists(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("spoilt") / "f.pos"
-    path.write_bytes(content)
-    within_memory(lambda: refused_or_read(ka.read_field, path, two_rooms(), "f"))
-
-
-SOLUTION = b"MeshVersionFormatted 2\n\nDimension 2\n\nSolAtVertices\n4\n2 1 3\n" + 4 * b"0.5 4 0 1e2\n" + b"\nEnd\n"
-
-
-@FUZZ
-@given(content=spoilt([SOLUTION]))
-def test_spoilt_solutions(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp("spoilt") / "f.sol"
-    path.write_bytes(content)
-    within_memory(lambda: [refused_or_read(ka.read_field, path, MeshTri(), f"solution {k}") for k in (1, 2)])
+def test_spoilt_files(good, tmp_path_factory, name, data):
+    folder, in_folder = tmp_path_factory.mktemp("spoilt"), name.startswith("elmer/")
+    path = folder / Path(name).name
+    if in_folder:
+        written(folder, GRID)
+    path.write_bytes(data.draw(spoilt(good[name])))
+    within_memory(lambda: read_by_all(folder if in_folder else path))
 
 
 def special(kind, folder, suffix):
@@ -191,25 +205,23 @@ LAUGHS = '<!DOCTYPE VTKFile [<!ENTITY a "ha">{}]>'.format(
 OUTSIDE = '<!DOCTYPE VTKFile [<!ENTITY m SYSTEM "file:///etc/passwd">]>'
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-@pytest.mark.parametrize(("types", "entity"), [(LAUGHS, "m"), (OUTSIDE, "m")], ids=["laughs", "outside"])
-def test_no_entities(tmp_path, types, entity, encoding):
-    text = f'<?xml version="1.0" encoding="{encoding}"?>{types}<VTKFile type="UnstructuredGrid">&{entity};</VTKFile>'
-    (tmp_path / "m.vtu").write_bytes(text.encode(encoding))
+def entities(types, encoding):
+    text = f'<?xml version="1.0" encoding="{encoding}"?>{types}<VTKFile type="UnstructuredGrid">&m;</VTKFile>'
+    return text.encode(encoding)
+
+
+TRAPS = [
+    *(partial(entities, types, encoding) for types in (LAUGHS, OUTSIDE) for encoding in ("utf-8", "utf-16")),
+    lambda: raw_vtu().replace(b"Points>", b"Point>"),
+    lambda: f"<VTKFile>{'<a>' * 100_000}{'</a>' * 100_000}</VTKFile>".encode(),
+]
+
+
+@pytest.mark.parametrize("content", TRAPS)
+def test_traps_of_vtu(content, tmp_path):
+    (tmp_path / "m.vtu").write_bytes(content())
     with pytest.raises(ValueError, match="cannot be read: "):
         within_memory(lambda: ka.read_mesh(tmp_path / "m.vtu"))
-
-
-def test_a_piece_without_points(tmp_path):
-    (tmp_path / "m.vtu").write_bytes(raw_vtu().replace(b"<Points>", b"<Point>").replace(b"</Points>", b"</Point>"))
-    with pytest.raises(ValueError, match="cannot be read: ReadError Unknown tag 'Point'"):
-        ka.read_mesh(tmp_path / "m.vtu")
-
-
-def test_deep_nesting(tmp_path):
-    (tmp_path / "m.vtu").write_text("<VTKFile>" + "<a>" * 100_000 + "</a>" * 100_000 + "</VTKFile>")
-    with pytest.raises(ValueError, match="cannot be read: "):
-        ka.read_mesh(tmp_path / "m.vtu")
 
 
 def test_a_case_of_ten_megabytes(tmp_path):
@@ -224,33 +236,27 @@ def test_keys_of_any_length_and_lines(tmp_path):
     refused_or_read(read_case, tmp_path / "case.toml")
 
 
-def limited(code, path):
-    """What a process says that may have two gigabytes more than it has after its imports."""
-    limit = (
-        "import resource, sys, skfem, kohonen_adapt as ka\n"
-        "now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()\n"
-        "resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, resource.RLIM_INFINITY))\n"
-    )
-    try_it = f"try:\n    {code}\nexcept ValueError as error:\n    print(error)\n"
-    done = subprocess.run([sys.executable, "-c", limit + try_it, path], capture_output=True, text=True, check=True)
-    return done.stdout
+LIMITED = """
+import resource, sys, skfem, kohonen_adapt as ka
+now = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (now + 2**31, resource.RLIM_INFINITY))
+for path in sys.argv[1:]:
+    try:
+        ka.read_field(path, skfem.MeshTri(), 'f') if path.endswith('.pos') else ka.read_mesh(path)
+    except ValueError as error:
+        print(error)
+"""
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc to know the memory of a process")
-@pytest.mark.parametrize(
-    ("suffix", "read"),
-    [
-        (".msh", "ka.read_mesh(sys.argv[1])"),
-        (".vtu", "ka.read_mesh(sys.argv[1])"),
-        (".pos", "ka.read_field(sys.argv[1], skfem.MeshTri(), 'f')"),
-    ],
-)
-def test_a_file_that_does_not_fit_into_memory(suffix, read, tmp_path):
-    path = tmp_path / f"m{suffix}"
-    path.write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n")
-    with path.open("r+b") as stream:
-        stream.truncate(2**36)  # takes no space: nothing but holes
-    assert limited(read, path) == f"'{path}' does not fit into memory.\n"
+def test_files_that_do_not_fit_into_memory(tmp_path):
+    """In a process that may have two gigabytes more than it has after its imports."""
+    paths = [tmp_path / name for name in ("m.msh", "m.vtu", "f.pos")]
+    for path in paths:
+        path.write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n")
+        os.truncate(path, 2**36)  # takes no space: nothing but holes
+    done = subprocess.run([sys.executable, "-c", LIMITED, *paths], capture_output=True, text=True, check=True)
+    assert done.stdout == "".join(f"'{path}' does not fit into memory.\n" for path in paths)
 
 
 def test_a_large_file_without_a_header_is_not_read(tmp_path):

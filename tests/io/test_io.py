@@ -5,7 +5,6 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-import skfem
 from helpers.examples import examples
 from helpers.mesh_files import SUFFIXES, assert_same, in_front, two_boxes, two_rooms
 from hypothesis import given
@@ -93,19 +92,6 @@ def test_a_boundary_keeps_its_orientation(tmp_path, suffix):
     assert type(back.boundaries["outer"]) is np.ndarray
 
 
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
-def test_the_orientation_is_that_of_scikit_fem(tmp_path, suffix):
-    mesh = two_rooms().with_boundaries({"middle": lambda x: x[0] == 1}, boundaries_only=False)
-    facets = mesh.boundaries["middle"]
-    right = mesh.p[0, mesh.t[:, mesh.f2t[0, facets]]].mean(axis=0) < 1.0
-    mesh = mesh.with_boundaries({"middle": OrientedBoundary(facets, right)})
-    write_mesh(tmp_path / f"mesh{suffix}", mesh)
-    back = read_mesh(tmp_path / f"mesh{suffix}")
-    assert in_front(back, "middle") == in_front(mesh, "middle")
-    if suffix == ".msh":  # of VTU, scikit-fem 12 sorts the facets and not their orientations
-        assert in_front(skfem.MeshTri.load(tmp_path / f"mesh{suffix}"), "middle") == in_front(mesh, "middle")
-
-
 def test_lines_of_no_direction_are_no_orientation(tmp_path):
     """Else every node where the direction changes would be a corner, and held."""
     write_mesh(tmp_path / "mesh.msh2", two_rooms())
@@ -147,17 +133,6 @@ def test_an_empty_set_keeps_its_name_and_is_reported(tmp_path, caplog):
     assert "subdomain 'none' is empty: Gmsh will not show it." in caplog.messages
     assert len(read_mesh(tmp_path / "mesh.msh").subdomains["none"]) == 0
     assert "group 'none' has no triangle in the mesh." in caplog.messages
-
-
-@pytest.mark.parametrize("suffix", [".msh", ".vtu"])
-def test_scikit_fem_reads_the_same_names(tmp_path, suffix):
-    mesh = two_rooms()
-    write_mesh(tmp_path / f"mesh{suffix}", mesh)
-    other = skfem.Mesh.load(tmp_path / f"mesh{suffix}")
-    for name, items in mesh.subdomains.items():
-        assert area(other)[other.subdomains[name]].sum() == pytest.approx(area(mesh)[items].sum(), rel=1e-12)
-    for name, items in mesh.boundaries.items():
-        assert len(other.boundaries[name]) == len(items)
 
 
 def test_fields_for_paraview(tmp_path):

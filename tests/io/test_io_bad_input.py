@@ -53,32 +53,22 @@ def test_other_versions_are_refused_with_the_remedy(tmp_path):
         read_mesh(tmp_path / "mesh.msh")
 
 
-def damaged(tmp_path, old, new):
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("\n0.5 0.5 0\n", "\nnan 0.5 0\n", r"expected finite .* a node at \[nan.*\], number 7 of 9 in"),
+        ("\n0.5 0.5 0\n", "\nhalf 0.5 0\n", "is not a complete Gmsh file: a section of numbers has other text"),
+        ("\n2 1 2 8\n1 1 ", "\n2 1 2 8\n1 77 ", "an element has node 77, which does not exist"),
+        ("\n2 1 2 8\n", "\n2 1 99 8\n", "element type 99 is unknown"),
+    ],
+)
+def test_damage(tmp_path, old, new, said):
     write_mesh(tmp_path / "mesh.msh", MeshTri().refined(1))
     text = (tmp_path / "mesh.msh").read_text()
     assert old in text
     (tmp_path / "mesh.msh").write_text(text.replace(old, new, 1))
-    return tmp_path / "mesh.msh"
-
-
-def test_coordinates_that_are_not_finite(tmp_path):
-    with pytest.raises(ValueError, match=r"expected finite coordinates; .* has a node at \[nan.*\], number 7 of 9 in"):
-        read_mesh(damaged(tmp_path, "\n0.5 0.5 0\n", "\nnan 0.5 0\n"))
-
-
-def test_words_among_the_numbers(tmp_path):
-    with pytest.raises(ValueError, match="is not a complete Gmsh file: a section of numbers has other text"):
-        read_mesh(damaged(tmp_path, "\n0.5 0.5 0\n", "\nhalf 0.5 0\n"))
-
-
-def test_a_node_that_is_not_there(tmp_path):
-    with pytest.raises(ValueError, match="an element has node 77, which does not exist"):
-        read_mesh(damaged(tmp_path, "$Elements\n1 8 1 8\n2 1 2 8\n1 1 ", "$Elements\n1 8 1 8\n2 1 2 8\n1 77 "))
-
-
-def test_an_unknown_element_type(tmp_path):
-    with pytest.raises(ValueError, match="element type 99 is unknown"):
-        read_mesh(damaged(tmp_path, "\n2 1 2 8\n", "\n2 1 99 8\n"))
+    with pytest.raises(ValueError, match=said):
+        read_mesh(tmp_path / "mesh.msh")
 
 
 def test_vtu_that_is_none(tmp_path):

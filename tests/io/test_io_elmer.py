@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.examples import examples
-from helpers.hostile_files import spoilt
 from helpers.mesh_files import assert_same, in_front, two_rooms
-from hypothesis import HealthCheck, given
-from hypothesis import strategies as st
+from helpers.small_files import GRID, written
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -46,23 +43,6 @@ def test_a_folder_that_is_there_keeps_its_other_files(tmp_path):
     ka.write_mesh(tmp_path, MeshTri())
     assert_same(ka.read_mesh(tmp_path), MeshTri())
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*FILES, "case.sif"])
-
-
-# As ElmerGrid lays it out, from a second-order mesh with points; numbers have gaps and the nodes no order.
-GRID = {
-    "mesh.header": "7 1 4\n3\n306 1\n203 3\n101 1\n",
-    "mesh.nodes": "9 -1 0 0 0 \n1 -1 0 1 0 \n2 -1 1 0 0 \n4 -1 .5 0 0 \n5 -1 .5 .5 0 \n6 -1 0 .5 0 \n8 -1 7 7 0 \n",
-    "mesh.elements": "1 3 306 9 2 1 4 5 6 \n",
-    "mesh.boundary": "1 2 1 0 203 9 2 4 \n2 2 1 0 203 2 1 5 \n3 5 1 0 203 1 9 6 \n4 6 0 0 101 9 \n",
-    "mesh.names": "! ----- names for bodies -----\n$ core = 3\n! ----- names for boundaries -----\n$ far away = 2\n",
-}
-
-
-def written(folder, files):
-    folder.mkdir(exist_ok=True)
-    for name, text in files.items():
-        (folder / name).write_text(text)
-    return folder
 
 
 def test_what_elmergrid_writes(tmp_path):
@@ -136,16 +116,3 @@ def test_what_is_refused(name, text, said, tmp_path):
     with pytest.raises(ValueError, match=said) as refusal:
         ka.read_mesh(tmp_path)
     assert str(tmp_path) in str(refusal.value)
-
-
-@examples(60, deadline=20_000, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_spoilt_files(tmp_path_factory, data):
-    folder = written(tmp_path_factory.mktemp("spoilt"), GRID)
-    name = data.draw(st.sampled_from(FILES[1:]))
-    (folder / name).write_bytes(data.draw(spoilt([GRID[name].encode()])))
-    with np.errstate(all="ignore"):
-        try:
-            ka.read_mesh(folder)
-        except ValueError as error:
-            assert str(folder) in str(error) and "\n" not in str(error)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh, two_rooms
+from helpers.mesh_files import as_list, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
@@ -27,37 +27,6 @@ def test_what_write_mesh_writes(tmp_path, suffix):
         ka.read_field(path, mesh, "v")
     with pytest.raises(ValueError, match=r"has no field 'x'; its fields are: .*'e', 'n', "):
         ka.read_field(path, mesh, "x")
-
-
-@needs_gmsh
-@pytest.mark.parametrize("binary", [False, True], ids=["text", "binary"])
-@pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
-@pytest.mark.parametrize("version", [2.2, 4.1])
-def test_views_that_gmsh_saves(tmp_path, binary, kind, version):
-    mesh = two_rooms()
-    nodal, cellwise = ramp(mesh)
-    ka.write_mesh(tmp_path / "m.msh", mesh)
-    with gmsh_session() as model:
-        gmsh.open(str(tmp_path / "m.msh"))
-        gmsh.option.setNumber("Mesh.Binary", binary)
-        gmsh.option.setNumber("Mesh.MshFileVersion", version)
-        gmsh.option.setNumber("PostProcessing.SaveMesh", 1)
-        tags = 1 + np.arange(mesh.p.shape[1] if kind == "NodeData" else mesh.t.shape[1])
-        values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t].T.ravel()}[kind]
-        view = gmsh.view.add("f")
-        gmsh.view.addHomogeneousModelData(view, 0, model.getCurrent(), kind, tags, values)
-        gmsh.view.write(view, str(tmp_path / "f.msh"))
-    assert_allclose(ka.read_field(tmp_path / "f.msh", mesh, "f"), cellwise, rtol=1e-14)
-
-
-def as_list(mesh, values, name="f"):
-    """How GetDP writes: triangles by their corners, values at each of these."""
-    rows = [
-        f"ST({','.join(f'{x!r},{y!r},0' for x, y in mesh.p[:, corners].T.tolist())})"
-        f"{{{','.join(repr(value) for value in row.tolist())}}};"
-        for corners, row in zip(mesh.t.T, values, strict=True)
-    ]
-    return "\n".join([f'View "{name}" {{', *rows, "};\n"])
 
 
 def test_lists_of_triangles(tmp_path):
@@ -90,7 +59,7 @@ def test_views_of_vectors_and_of_other_shapes(tmp_path):
     """A vector view beside a scalar one does no harm; asked for, it is a vector, and not one of 0 nodes."""
     mesh, path = two_rooms(), tmp_path / "f.pos"
     values = ramp(mesh)[0][mesh.t].T
-    vectors = as_list(mesh, np.repeat(values, 3, axis=1), "b").replace("ST(", "VT(")
+    vectors = as_list(mesh, np.repeat(values, 3, axis=1), "b", "VT")
     path.write_text(as_list(mesh, values) + vectors)
     assert_allclose(ka.read_field(path, mesh, "f"), ramp(mesh)[1], rtol=1e-14)
     with pytest.raises(

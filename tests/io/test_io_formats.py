@@ -8,11 +8,8 @@ import meshio
 import numpy as np
 import pytest
 import skfem
-from helpers.examples import examples
-from helpers.hostile_files import spoilt
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, in_front, needs_gmsh, two_rooms
-from hypothesis import HealthCheck, given
-from hypothesis import strategies as st
+from helpers.small_files import ABAQUS, SU2
 from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
@@ -119,25 +116,6 @@ def test_what_meshio_makes_of_a_gmsh_file(suffix, tmp_path):
     assert_array_equal(mesh.boundaries["boundary_200"], wanted.boundaries["boundary_200"])
 
 
-ABAQUS = """*HEADING
-*NODE
-1, 0.0, 0.0
-2, 1.0, 0.0
-3, 1.0, 1.0
-4, 0.0, 1.0
-*ELEMENT, TYPE=T2D2
-1, 1, 2
-*ELEMENT, TYPE=CPS3, ELSET=all of it
-2, 1, 2, 3
-*ELEMENT, TYPE=CPS3, ELSET=all of it
-3, 1, 3, 4
-*ELSET, ELSET=some, GENERATE
-1, 3, 2
-*ELEMENT OUTPUT, ELSET=some
-S
-"""
-
-
 def test_sets_of_abaqus(tmp_path):
     """The first block has none, and two have the same, of which meshio makes the set of other elements."""
     (tmp_path / "m.inp").write_text(ABAQUS)
@@ -147,29 +125,6 @@ def test_sets_of_abaqus(tmp_path):
         "some": [1],
     }
     assert mesh.p[1, mesh.facets[:, mesh.boundaries["some"]]].ravel().tolist() == [0.0, 0.0]
-
-
-SU2 = """NDIME= 2
-NELEM= 2
-5 0 1 2 0
-5 0 2 3 1
-NPOIN= 4
-0.0 0.0 0
-1.0 0.0 1
-1.0 1.0 2
-0.0 1.0 3
-NMARK= 3
-MARKER_TAG= wall
-MARKER_ELEMS= 1
-3 0 1
-MARKER_TAG= 1
-MARKER_ELEMS= 1
-3 1 2
-MARKER_TAG= far field
-MARKER_ELEMS= 2
-3 2 3
-3 3 0
-"""
 
 
 def test_markers_of_su2(tmp_path, capsys):
@@ -242,31 +197,3 @@ def test_without_h5py_the_error_names_the_extra(tmp_path):
     code = "import sys; sys.modules['h5py'] = None; import kohonen_adapt as ka; ka.read_mesh(sys.argv[1])"
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.med"], capture_output=True, text=True, check=False)
     assert 'ImportError: read_mesh needs h5py for a MED file: pip install "kohonen-adapt[files]".' in done.stderr
-
-
-@pytest.fixture(scope="module")
-def seeds(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("seeds")
-    mesh = spaceless()
-    mesh.save(folder / "m.vtk", cell_data={"e": [np.arange(64.0)]})
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    meshio.vtk.write(folder / "a.vtk", meshio.Mesh(points, [("triangle", mesh.t.T)]), binary=False)
-    meshio.medit.write(folder / "m.mesh", meshio.Mesh(mesh.p.T, [("triangle", mesh.t.T)]))
-    return {
-        ".vtk": [(folder / name).read_bytes() for name in ("m.vtk", "a.vtk")],
-        ".mesh": [(folder / "m.mesh").read_bytes()],
-        ".inp": [ABAQUS.encode()],
-        ".su2": [SU2.encode()],
-    }
-
-
-@pytest.mark.parametrize("suffix", [".vtk", ".mesh", ".inp", ".su2"])
-@examples(60, deadline=20_000, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_spoilt_files(seeds, tmp_path_factory, suffix, data):
-    path = tmp_path_factory.mktemp("spoilt") / f"m{suffix}"
-    path.write_bytes(data.draw(spoilt(seeds[suffix])))
-    try:
-        ka.read_mesh(path)
-    except ValueError as error:
-        assert str(path) in str(error) and "\n" not in str(error)

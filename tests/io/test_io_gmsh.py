@@ -2,7 +2,6 @@
 
 import logging
 
-import meshio
 import numpy as np
 import pytest
 import skfem
@@ -15,20 +14,44 @@ from helpers.mesh_files import (
     gmsh_session,
     in_front,
     needs_gmsh,
+    two_boxes,
     two_rooms,
 )
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 from kohonen_adapt import read_mesh, write_mesh
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.measures import area, signed_area
 
 
 @needs_gmsh
+@pytest.mark.parametrize("make", [two_rooms, lambda: two_boxes(2)], ids=["plane", "space"])
 @pytest.mark.parametrize("suffix", [".msh", ".msh2"])
-def test_gmsh_reads_the_same_groups(tmp_path, suffix):
-    write_mesh(tmp_path / f"mesh{suffix}", two_rooms())
-    assert_gmsh_has(tmp_path / f"mesh{suffix}", two_rooms())
+def test_gmsh_has_the_same_groups_and_fields(tmp_path, suffix, make):
+    """Through Gmsh and back: also that every node is where Gmsh keeps it when it saves only what is in a group."""
+    mesh, path = make(), tmp_path / f"mesh{suffix}"
+    dim, count = len(mesh.p), mesh.nelements
+    vector = np.vstack([np.arange(count) / 3, *np.ones((dim - 1, count))])
+    write_mesh(path, mesh, point_data={"A z": mesh.p[0] / 3}, cell_data={"B": vector})
+    assert_gmsh_has(path, mesh)
+    with gmsh_session() as model:
+        gmsh.open(str(path))
+        nodal, elementwise = (gmsh.view.getHomogeneousModelData(view, 0) for view in gmsh.view.getTags())
+        volumes = model.mesh.getElementQualities(1 + np.arange(count), "volume")
+        gmsh.write(str(tmp_path / "again.msh"))
+    assert_allclose(volumes, np.abs(signed_area(mesh)), rtol=1e-12)
+    for view, kind, values in (
+        (nodal, "NodeData", mesh.p[0] / 3),
+        (elementwise, "ElementData", np.vstack([*vector, *np.zeros((3 - dim, count))]).T.ravel()),
+    ):
+        assert view[0] == kind
+        assert_array_equal(view[1], 1 + np.arange(len(view[1])))
+        assert_array_equal(view[2], values)
+    again = read_mesh(tmp_path / "again.msh")
+    assert again.p.shape == mesh.p.shape and again.t.shape == mesh.t.shape
+    for name, rows in mesh.subdomains.items():
+        assert area(again)[again.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
+    assert dim == 2 or in_front(again, "wall") == in_front(mesh, "wall")
 
 
 @needs_gmsh
@@ -43,37 +66,6 @@ def test_gmsh_and_we_read_hostile_names(tmp_path, name, suffix):
     write_mesh(path, mesh)
     assert_same(read_mesh(path), mesh)
     assert_gmsh_has(path, mesh)
-
-
-@needs_gmsh
-@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
-def test_gmsh_saves_what_it_read_from_us(tmp_path, suffix):
-    """Through Gmsh and back: also that every node is where Gmsh keeps it when it saves only what is in a group."""
-    write_mesh(tmp_path / f"mesh{suffix}", two_rooms())
-    with gmsh_session():
-        gmsh.open(str(tmp_path / f"mesh{suffix}"))
-        gmsh.write(str(tmp_path / "again.msh"))
-    back = read_mesh(tmp_path / "again.msh")
-    assert back.p.shape == (2, 45) and back.t.shape == (3, 64)
-    for name, items in two_rooms().subdomains.items():
-        assert area(back)[back.subdomains[name]].sum() == pytest.approx(area(two_rooms())[items].sum(), rel=1e-12)
-
-
-@needs_gmsh
-@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
-def test_fields_for_gmsh(tmp_path, suffix):
-    mesh = two_rooms()
-    vector = np.vstack([np.arange(64.0), np.full(64, 1 / 3)])
-    path = tmp_path / f"mesh{suffix}"
-    write_mesh(path, mesh, point_data={"A z": mesh.p[0] / 3}, cell_data={"B": vector})
-    with gmsh_session():
-        gmsh.open(str(path))
-        nodal, elementwise = (gmsh.view.getHomogeneousModelData(view, 0) for view in gmsh.view.getTags())
-    assert (nodal[0], elementwise[0]) == ("NodeData", "ElementData")
-    assert_array_equal(nodal[1], np.arange(1, 46))
-    assert_array_equal(nodal[2], mesh.p[0] / 3)
-    assert_array_equal(elementwise[1], np.arange(1, 65))
-    assert_array_equal(elementwise[2], np.column_stack([*vector, np.zeros(64)]).ravel())
 
 
 RECTANGLES = """
@@ -170,26 +162,12 @@ def test_groups_of_a_drawing(name, drawn):
         assert np.all(mesh.f2t[1, mesh.boundaries["interface"]] >= 0)
 
 
-def test_trap_4_no_line_group(drawn, caplog):
-    mesh = read_mesh(drawn(ALL))
-    assert areas(mesh) == {"iron": 1.0, "air": 1.0}
-    assert mesh.boundaries is None
-    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
-
-
-def test_no_group_at_all(drawn, caplog):
-    mesh = read_mesh(drawn(""))
-    assert mesh.subdomains is None and mesh.boundaries is None
+@pytest.mark.parametrize(("groups", "found"), [("", {}), (ALL, HALVES)], ids=["no group", "no line group"])
+def test_groups_that_are_not_there_are_no_warning(groups, found, drawn, caplog):
+    mesh = read_mesh(drawn(groups))
+    assert areas(mesh) == found and mesh.boundaries is None
     assert area(mesh).sum() == pytest.approx(2.0)
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
-
-
-def test_trap_7_quadrilaterals(drawn):
-    path = drawn(ALL + "Recombine Surface {1};")
-    with pytest.raises(
-        ValueError, match=r"expected triangles only; '.*' has .* quadrilateral elements, .* triangle elem"
-    ):
-        read_mesh(path)
 
 
 def test_trap_8_partly_tagged_surfaces_leave_a_hole(drawn, caplog):
@@ -221,28 +199,17 @@ def test_trap_9_second_order_triangles_are_read_as_their_corners(drawn):
     assert_same(mesh, straight)
 
 
-def test_trap_10_scale(drawn):
-    mesh = read_mesh(drawn(ALL), scale=1e-3)
-    assert mesh.p.max() == pytest.approx(2e-3, rel=1e-12)
-    assert areas(mesh) == {"iron": 1e-6, "air": 1e-6}
-
-
-def test_nodes_and_triangles_are_those_that_meshio_finds(drawn):
-    path = drawn(ALL)
-    file, mesh = meshio.gmsh.read(path), read_mesh(path)
-    assert_array_equal(np.unique(mesh.p.T, axis=0), np.unique(file.points[:, :2], axis=0))
-    centres = file.points[file.cells_dict["triangle"]].mean(axis=1)[:, :2]
-    assert_array_equal(np.sort(mesh.p[:, mesh.t].mean(axis=1)[0]), np.sort(centres[:, 0]))
-
-
-def test_a_mesh_of_lines_is_refused(drawn):
-    with pytest.raises(ValueError, match=r"expected triangles; .* has .* line elements, .*Mesh in two dimensions"):
-        read_mesh(drawn("", dimension=1))
-
-
-def test_a_drawing_in_another_plane_is_refused(drawn):
-    with pytest.raises(ValueError, match="expected a drawing in the xy-plane; z runs from 0 to 1 in"):
-        read_mesh(drawn("Rotate {{1, 0, 0}, {0, 0, 0}, Pi/2} { Surface{1, 2}; }"))
+@pytest.mark.parametrize(
+    ("groups", "dimension", "said"),
+    [
+        (ALL + "Recombine Surface {1};", 2, r"triangles only; '.*' has .* quadrilateral elements, .* triangle elem"),
+        ("", 1, r"expected triangles; .* has .* line elements, .*Mesh in two dimensions"),
+        ("Rotate {{1, 0, 0}, {0, 0, 0}, Pi/2} { Surface{1, 2}; }", 2, "drawing in the xy-plane; z runs from 0 to 1 in"),
+    ],
+)
+def test_what_is_drawn_and_no_mesh_of_triangles_is_refused(groups, dimension, said, drawn):
+    with pytest.raises(ValueError, match=said):
+        read_mesh(drawn(groups, dimension=dimension))
 
 
 def test_parameters_of_nodes_are_passed_over(drawn):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, needs_gmsh, two_rooms
+from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, groups_in_gmsh, needs_gmsh, two_rooms
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
@@ -28,30 +28,6 @@ Mesh.MeshSizeMin = 0.2; Mesh.MeshSizeMax = 0.2;
 """
 
 
-def groups_in(path):
-    """What Gmsh has after reading: {(dimension, number): (name, measure or places)}."""
-    found = {}
-    with gmsh_session() as model:
-        gmsh.open(str(path))
-        for dimension, tag in model.getPhysicalGroups():
-            rows = [row for entity in entities(model, dimension, tag) for row in elements(model, dimension, entity)]
-            # in MSH 2.2 an element of two groups is there twice
-            nodes = np.unique(np.sort(rows, axis=1), axis=0)
-            points = np.array([[model.mesh.getNode(node)[0][:2] for node in row] for row in nodes])
-            found[dimension, tag] = model.getPhysicalName(dimension, tag), measure(points)
-    return found
-
-
-def entities(model, dimension, tag):
-    return model.getEntitiesForPhysicalGroup(dimension, tag)
-
-
-def elements(model, dimension, entity):
-    kinds, _, rows = model.mesh.getElements(dimension, entity)
-    assert list(kinds) == [{0: 15, 1: 1, 2: 2}[dimension]]
-    return rows[0].reshape(-1, dimension + 1)
-
-
 def measure(corners):
     """Area, length, or the places themselves."""
     off = corners[:, 1:] - corners[:, :1]
@@ -61,11 +37,11 @@ def measure(corners):
 
 
 def assert_same_groups(path, other):
-    got, wanted = groups_in(path), groups_in(other)
+    got, wanted = groups_in_gmsh(path), groups_in_gmsh(other)
     assert got.keys() == wanted.keys()
-    for key, (name, size) in wanted.items():
+    for key, (name, _, places) in wanted.items():
         assert got[key][0] == name
-        np.testing.assert_allclose(got[key][1], size, rtol=1e-12)
+        np.testing.assert_allclose(measure(got[key][2]), measure(places), rtol=1e-12)
 
 
 @pytest.fixture(params=["2.2", "4.1"])
@@ -141,7 +117,7 @@ def test_numbers_of_ones_own(tmp_path, suffix):
     names = {(2, 5): "left", (2, 2): "right side", (1, 5): "floor", (0, 8): "origin"}
     path = tmp_path / f"mesh{suffix}"
     ka.write_mesh(path, two_rooms(), groups=Groups(names, {8: np.zeros((2, 1))}))
-    found = {key: name for key, (name, _) in groups_in(path).items()}
+    found = {key: name for key, (name, *_) in groups_in_gmsh(path).items()}
     assert names.items() <= found.items()
     # Those that have none get new ones, which differ from all others.
     new = found.keys() - names.keys()

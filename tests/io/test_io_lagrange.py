@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from helpers.curved_meshes import RADII, curved_annulus
 from numpy.testing import assert_allclose
-from skfem import Basis, ElementTetP1, ElementTriP1, MeshTet, MeshTri, MeshTri2
+from skfem import Basis, MeshTet, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.display import lattice, lattice_points
-
-TYPE = "VTK_LAGRANGE_TRIANGLE"
+from kohonen_adapt.display import lattice_points
 
 
 def vtk_place(index, order):
@@ -30,46 +28,6 @@ def crooked():
     mesh = MeshTri().refined(1)
     p = mesh.p + 0.1 * np.sin(3.0 * mesh.p[::-1])
     return MeshTri(p, mesh.t).with_subdomains({"low": lambda x: x[1] < 0.5})
-
-
-def polynomial(x, order):
-    return (x[0] + 2.0 * x[1]) ** order - 3.0 * x[0] ** (order - 1) * x[1]
-
-
-def points_of(mesh, order):
-    return np.einsum("iq,dik->dqk", lattice(order)[0], mesh.p[:, mesh.t])
-
-
-@pytest.mark.parametrize("order", [2, 3, 4, 5, 6, 7, 8])
-def test_nodes_are_in_the_order_of_vtk(order, tmp_path):
-    mesh = crooked()
-    x = points_of(mesh, order)
-    flag = np.arange(mesh.t.shape[1])
-    ka.write_mesh(
-        tmp_path / "f.vtu", mesh, point_data={"u": polynomial(x, order), "x": mesh.p[0]}, cell_data={"k": flag}
-    )
-    read = meshio.read(tmp_path / "f.vtu")
-    (block,) = read.cells
-    assert block.type == TYPE and block.data.shape == (mesh.t.shape[1], (order + 1) * (order + 2) // 2)
-    steps = np.array([vtk_place(k, order) for k in range(block.data.shape[1])])
-    share = np.roll(steps, 1, axis=1) / order
-    wanted = np.einsum("qi,dik->kqd", share, mesh.p[:, mesh.t])
-    assert_allclose(read.points[block.data][:, :, :2], wanted, atol=1e-14)
-    assert_allclose(read.point_data["u"][block.data], polynomial(wanted.T, order).T, rtol=1e-12)
-    assert_allclose(read.point_data["x"][block.data], wanted[:, :, 0], atol=1e-14)
-    assert list(read.cell_data["k"][0]) == list(flag) and "skfem:s:low" in read.cell_data
-
-
-@pytest.mark.parametrize("order", [2, 5, 8])
-def test_read_field_returns_the_means_of_elements(order, tmp_path):
-    mesh = crooked()
-    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": polynomial(points_of(mesh, order), order)})
-    basis = Basis(mesh, ElementTriP1(), intorder=order)
-    wanted = (polynomial(basis.global_coordinates(), order) * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
-    assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "u"), wanted, atol=1e-11 * np.abs(wanted).max())
-    linear = mesh.p[0][mesh.t].mean(axis=0)
-    ka.write_mesh(tmp_path / "g.vtu", mesh, point_data={"u": points_of(mesh, order)[0]})
-    assert_allclose(ka.read_field(tmp_path / "g.vtu", mesh, "u"), linear, atol=1e-13)
 
 
 def vtk_place_in_space(index, order):
@@ -103,23 +61,41 @@ def crooked_solid():
     return MeshTet(p, t).with_subdomains({"low": lambda x: x[1] < 0.5})
 
 
-@pytest.mark.parametrize("order", [2, 3, 4, 5, 6])
-def test_nodes_of_tetrahedra_are_in_the_order_of_vtk(order, tmp_path):
-    mesh = crooked_solid()
-    x = np.einsum("iq,dik->dqk", lattice_points(order, 3), mesh.p[:, mesh.t])
-    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": polynomial(x, order) + x[2], "x": mesh.p[0]})
+def polynomial(x, order):
+    return (x[0] + 2.0 * x[1]) ** order - 3.0 * x[0] ** (order - 1) * x[1] + x[2:].sum(axis=0)
+
+
+def points_of(mesh, order):
+    return np.einsum("iq,dik->dqk", lattice_points(order, len(mesh.p)), mesh.p[:, mesh.t])
+
+
+def mean_of(mesh, order):
+    basis = Basis(mesh, mesh.elem(), intorder=9)
+    values = polynomial(np.asarray(basis.global_coordinates()), order)
+    return (values * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+
+
+@pytest.mark.parametrize(
+    ("make", "order"),
+    [*((crooked, order) for order in range(2, 9)), *((crooked_solid, order) for order in range(2, 7))],
+)
+def test_nodes_are_in_the_order_of_vtk_and_read_back_as_means(make, order, tmp_path):
+    mesh = make()
+    dim, x, flag = len(mesh.p), points_of(mesh, order), np.arange(mesh.nelements)
+    data = {"u": polynomial(x, order), "x": mesh.p[0]}
+    ka.write_mesh(tmp_path / "f.vtu", mesh, point_data=data, cell_data={"k": flag})
     read = meshio.read(tmp_path / "f.vtu")
     (block,) = read.cells
-    assert block.type == "VTK_LAGRANGE_TETRAHEDRON" and block.data.shape == (mesh.nelements, x.shape[1])
-    steps = np.array([vtk_place_in_space(k, order) for k in range(x.shape[1])])
+    assert block.type == "VTK_LAGRANGE_" + ("TRIANGLE" if dim == 2 else "TETRAHEDRON")
+    assert block.data.shape == (mesh.nelements, x.shape[1])
+    place = vtk_place if dim == 2 else vtk_place_in_space
+    steps = np.array([place(k, order) for k in range(x.shape[1])])
     wanted = np.einsum("qi,dik->kqd", np.roll(steps, 1, axis=1) / order, mesh.p[:, mesh.t])
-    assert_allclose(read.points[block.data], wanted, atol=1e-14)
-    assert_allclose(read.point_data["u"][block.data], polynomial(wanted.T, order).T + wanted[..., 2], rtol=1e-12)
+    assert_allclose(read.points[block.data][:, :, :dim], wanted, atol=1e-14)
+    assert_allclose(read.point_data["u"][block.data], polynomial(wanted.T, order).T, rtol=1e-12)
     assert_allclose(read.point_data["x"][block.data], wanted[:, :, 0], atol=1e-14)
-    assert "skfem:s:low" in read.cell_data
-    basis = Basis(mesh, ElementTetP1(), intorder=9)
-    at = np.asarray(basis.global_coordinates())
-    mean = ((polynomial(at, order) + at[2]) * basis.dx).sum(axis=1) / basis.dx.sum(axis=1)
+    assert list(read.cell_data["k"][0]) == list(flag) and "skfem:s:low" in read.cell_data
+    mean = mean_of(mesh, order)
     assert_allclose(ka.read_field(tmp_path / "f.vtu", mesh, "u"), mean, atol=1e-11 * np.abs(mean).max())
 
 
@@ -127,7 +103,7 @@ def test_nodes_of_tetrahedra_are_in_the_order_of_vtk(order, tmp_path):
 def test_sides_are_on_the_arcs_above_order_3(order, tmp_path):
     mesh = curved_annulus(12)
     assert type(mesh) is MeshTri2
-    zeros = np.zeros((lattice(order)[0].shape[1], mesh.t.shape[1]))
+    zeros = np.zeros((lattice_points(order, 2).shape[1], mesh.t.shape[1]))
     ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": zeros, "r": np.hypot(*mesh.p)})
     read = meshio.read(tmp_path / "f.vtu")
     nodes = read.cells[0].data

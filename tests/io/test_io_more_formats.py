@@ -5,26 +5,12 @@ import logging
 import meshio
 import numpy as np
 import pytest
-from helpers.examples import examples
-from helpers.hostile_files import spoilt
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
-from hypothesis import HealthCheck, given
-from hypothesis import strategies as st
+from helpers.small_files import BY_HAND, SQUARE
 from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
-
-# A unit square of four triangles around its centre, node 5, of which two are iron.
-NODES = "*NODE\n1, 0., 0.\n2, 1., 0.\n3, 1., 1.\n4, 0., 1.\n5, .5, .5\n"
-ELEMENTS = """*ELEMENT, TYPE=CPS3, ELSET=iron
-11, 1, 2, 5
-12, 2, 3, 5
-*Element, type=cpe3, elset=air
-21, 3, 4, 5
-22, 4, 1, 5
-"""
-SQUARE = f"*HEADING\nno *NODE here\n{NODES}{ELEMENTS}"
 
 
 def ends(mesh, name):
@@ -114,82 +100,6 @@ def test_integers_that_are_left_out_are_reported_in_one_warning(tmp_path, caplog
     assert "'owner', 'rank'" in caplog.text and "because several may be groups" in caplog.text
 
 
-MFEM = """MFEM mesh v1.0
-# a comment
-dimension
-2
-
-elements
-2
-1 2 0 1 2
-4 2 0 2 3
-
-boundary
-2
-7 1 0 1
-8 1 1 2
-
-vertices
-4
-2
-0 0
-1 0
-1 1
-0 1
-"""
-MEDIT = """MeshVersionFormatted {}
-Dimension 2
-Vertices 4
-0 0 1
-1 0 1
-1 1 1
-0 1 1
-Triangles 2
-1 2 3 1
-1 3 4 4
-Edges 2
-1 2 7
-2 3 8
-End
-"""
-FREEFEM = "4 2 2\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n1 2 3 1\n1 3 4 4\n1 2 7\n2 3 8\n"
-UCD = """# a comment
-4 4 0 0 0
-1 0 0 0
-2 1 0 0
-3 1 1 0
-4 0 1 0
-1 1 tri 1 2 3
-2 4 tri 1 3 4
-3 7 line 1 2
-4 8 line 2 3
-"""
-VTK = """# vtk DataFile Version 2.0
-by FreeFEM
-ASCII
-DATASET UNSTRUCTURED_GRID
-POINTS 4 float
-0 0 0 1 0 0 1 1 0 0 1 0
-CELLS 4 14
-3 0 1 2 3 0 2 3 2 0 1 2 1 2
-CELL_TYPES 4
-5 5 3 3
-CELL_DATA 4
-Scalars  Label int1
-LOOKUP_TABLE FreeFempp_table
-1 4 7 8
-"""
-BY_HAND = {
-    "mfem.mesh": MFEM,
-    "one_line.mesh": MEDIT.format(2),
-    "apart.mesh": MEDIT.format("\n2"),
-    "version_3.mesh": MEDIT.format(3),
-    "freefem.msh": FREEFEM,
-    "ucd.inp": UCD,
-    "freefem.vtk": VTK,
-}
-
-
 @pytest.mark.parametrize("name", BY_HAND)
 def test_formats_of_other_programs(tmp_path, name):
     (tmp_path / name).write_text(BY_HAND[name])
@@ -215,22 +125,6 @@ def test_their_damage(tmp_path, name, old, new, said):
     with pytest.raises(ValueError, match=said) as refused:
         ka.read_mesh(tmp_path / name)
     assert "\n" not in str(refused.value)
-
-
-SETS = f"{SQUARE}*NSET, NSET=a\n1, 4\n*SURFACE, NAME=b\niron, S1\n12, E2\n"
-
-
-@pytest.mark.parametrize("name", [*BY_HAND, "sets.inp"])
-@examples(40, deadline=20_000, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_spoilt_files(tmp_path_factory, name, data):
-    path = tmp_path_factory.mktemp("spoilt") / name
-    path.write_bytes(data.draw(spoilt([(BY_HAND | {"sets.inp": SETS})[name].encode()])))
-    with np.errstate(all="ignore"):
-        try:
-            ka.read_mesh(path)
-        except ValueError as error:
-            assert str(path) in str(error) and "\n" not in str(error) and len(str(error)) < 1000
 
 
 def test_netgen(tmp_path):

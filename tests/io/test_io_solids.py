@@ -10,7 +10,7 @@ from helpers.mesh_files import (
     FORMATS,
     SUFFIXES,
     WHY_NOT,
-    assert_gmsh_has,
+    as_list,
     assert_same,
     gmsh,
     gmsh_session,
@@ -18,6 +18,7 @@ from helpers.mesh_files import (
     needs_gmsh,
     two_boxes,
 )
+from helpers.small_files import written
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet, MeshTri
 
@@ -56,27 +57,6 @@ def test_scikit_fem_reads_ours_and_we_what_it_saves(tmp_path):
     assert in_front(skfem.Mesh.load(tmp_path / "ours.msh"), "wall") == in_front(mesh, "wall")
 
 
-@needs_gmsh
-@pytest.mark.parametrize("suffix", [".msh", ".msh2"])
-def test_gmsh_has_the_same_groups_and_fields(tmp_path, suffix):
-    mesh, path = two_boxes(2), tmp_path / f"mesh{suffix}"
-    vector = np.vstack([np.arange(mesh.t.shape[1]) / 3, *np.ones((2, mesh.t.shape[1]))])
-    write_mesh(path, mesh, point_data={"u": mesh.p[0] / 3}, cell_data={"B": vector})
-    assert_gmsh_has(path, mesh)
-    with gmsh_session() as model:
-        gmsh.open(str(path))
-        nodal, elementwise = (gmsh.view.getHomogeneousModelData(view, 0) for view in gmsh.view.getTags())
-        quality = model.mesh.getElementQualities(1 + np.arange(mesh.t.shape[1]), "volume")
-        gmsh.write(str(tmp_path / "again.msh"))
-    assert_allclose(quality, signed_area(mesh), rtol=1e-12)
-    assert_array_equal(nodal[2], mesh.p[0] / 3)
-    assert_array_equal(elementwise[2], vector.T.ravel())
-    again = read_mesh(tmp_path / "again.msh")
-    for name, rows in mesh.subdomains.items():
-        assert area(again)[again.subdomains[name]].sum() == pytest.approx(area(mesh)[rows].sum(), rel=1e-12)
-    assert in_front(again, "wall") == in_front(mesh, "wall")
-
-
 def test_fields_come_back_by_place(tmp_path):
     mesh = two_boxes(1)
     values, order = np.arange(mesh.t.shape[1]) / 7, np.random.default_rng(1).permutation(mesh.t.shape[1])
@@ -85,9 +65,7 @@ def test_fields_come_back_by_place(tmp_path):
         write_mesh(tmp_path / name, other, cell_data={"B": values[order]}, point_data={"u": mesh.p[0]})
         assert_array_equal(read_field(tmp_path / name, mesh, "B"), values)
         assert_allclose(read_field(tmp_path / name, mesh, "u"), mesh.p[0, mesh.t].mean(axis=0))
-    corners = mesh.p[:, mesh.t].transpose(2, 1, 0).reshape(-1, 12).tolist()
-    rows = [f"SS({str(corners[e])[1:-1]}){{{str([float(values[e])] * 4)[1:-1]}}};" for e in order.tolist()]
-    (tmp_path / "f.pos").write_text(f'View "B" {{\n{chr(10).join(rows)}\n}};\n')
+    (tmp_path / "f.pos").write_text(as_list(other, np.tile(values[order], (4, 1)).T, "B", "SS"))
     assert_allclose(read_field(tmp_path / "f.pos", mesh, "B"), values, rtol=1e-14)
     write_mesh(tmp_path / "plane.vtu", MeshTri(), cell_data={"B": [0.0, 1.0]})
     with pytest.raises(ValueError, match=r"field on the mesh, of 27 nodes and 48 tetrahedra; '.*' has 0 and 0"):
@@ -253,9 +231,7 @@ def test_a_solid_for_elmer(tmp_path):
         "boundary": "1 1 1 2 303 1 2 3\n",
         "names": "! names for bodies\n$ up = 1\n$ down = 2\n! names for boundaries\n$ wall = 1\n",
     }
-    for name, text in texts.items():
-        (tmp_path / f"mesh.{name}").write_text(text)
-    mesh = read_mesh(tmp_path)
+    mesh = read_mesh(written(tmp_path, {f"mesh.{name}": text for name, text in texts.items()}))
     assert {name: rows.tolist() for name, rows in mesh.subdomains.items()} == {"up": [0], "down": [1]}
     assert mesh.facets[:, mesh.boundaries["wall"]].ravel().tolist() == [0, 1, 2]
 

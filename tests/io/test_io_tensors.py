@@ -6,7 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
+from helpers.mesh_files import as_list, gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm, logm
 from skfem import MeshTri
@@ -96,23 +96,30 @@ def test_of_tensors_in_space_the_part_in_the_plane_is_read(tmp_path, components,
 @needs_gmsh
 @pytest.mark.parametrize("binary", [False, True], ids=["text", "binary"])
 @pytest.mark.parametrize("kind", ["NodeData", "ElementData", "ElementNodeData"])
-@pytest.mark.parametrize("dim", [2, 3])
-def test_views_of_tensors_that_gmsh_saves(tmp_path, dim, kind, binary):
+@pytest.mark.parametrize(("dim", "version", "components"), [(2, 2.2, 1), (2, 4.1, 1), (2, 4.1, 9), (3, 4.1, 9)])
+def test_views_that_gmsh_saves(tmp_path, dim, version, components, kind, binary):
     mesh = MESHES[dim]
-    nodal, cellwise = metric_at(mesh.p), metric_at(mesh.p[:, mesh.t].mean(axis=1))
+    if components == 1:
+        nodal = 1.0 + mesh.p[0] + 2.0 * mesh.p[1]
+        cellwise = means = nodal[mesh.t].mean(axis=0)
+    else:
+        nodal, cellwise = metric_at(mesh.p), metric_at(mesh.p[:, mesh.t].mean(axis=1))
+        means = log_means(mesh, nodal)
     ka.write_mesh(tmp_path / "m.msh", mesh)
     with gmsh_session() as model:
         gmsh.open(str(tmp_path / "m.msh"))
         gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
         gmsh.option.setNumber("PostProcessing.SaveMesh", 1)
         tags = 1 + np.arange(mesh.nvertices if kind == "NodeData" else mesh.nelements)
-        values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": nodal[mesh.t.T].reshape(-1, dim, dim)}
+        values = {"NodeData": nodal, "ElementData": cellwise, "ElementNodeData": np.concatenate(nodal[mesh.t.T])}[kind]
+        values = values if components == 1 else padded(values)
         view = gmsh.view.add("m")
         gmsh.view.addHomogeneousModelData(
-            view, 0, model.getCurrent(), kind, tags, padded(values[kind]).ravel(), numComponents=9
+            view, 0, model.getCurrent(), kind, tags, values.ravel(), numComponents=components
         )
         gmsh.view.write(view, str(tmp_path / "f.msh"))
-    wanted = cellwise if kind == "ElementData" else log_means(mesh, nodal)
+    wanted = cellwise if kind == "ElementData" else means
     assert_allclose(ka.read_field(tmp_path / "f.msh", mesh, "m"), wanted, rtol=1e-11)
 
 
@@ -120,12 +127,7 @@ def test_lists_of_tensors(tmp_path):
     mesh = MESHES[2]
     nodal = metric_at(mesh.p)
     rows = padded(nodal).reshape(-1, 9)[mesh.t.T].reshape(mesh.nelements, -1)
-    places = np.concatenate([mesh.p[:, mesh.t], np.zeros((1, *mesh.t.shape))]).transpose(2, 1, 0).reshape(len(rows), -1)
-    lines = [
-        f"TT({','.join(map(repr, place))}){{{','.join(map(repr, row))}}};"
-        for place, row in zip(places.tolist(), rows.tolist(), strict=True)
-    ]
-    (tmp_path / "f.pos").write_text("\n".join(['View "m" {', *lines, "};\n"]))
+    (tmp_path / "f.pos").write_text(as_list(mesh, rows, "m", "TT"))
     assert_allclose(ka.read_field(tmp_path / "f.pos", mesh, "m"), log_means(mesh, nodal), rtol=1e-11)
 
 
