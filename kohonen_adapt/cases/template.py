@@ -14,8 +14,8 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Ints
-from kohonen_adapt.mesh.cells import normals
-from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.mesh.cells import centroids_of, facet_normals
+from kohonen_adapt.mesh.measures import area, magnitude
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["case_text"]
@@ -59,7 +59,7 @@ def case_text(mesh: Mesh, file: str, scale: float, *, points: Iterable[str] = ()
         left=float(mesh.p[0].min()),
         right=float(mesh.p[0].max()),
         node=mesh.p[:, 0].tolist(),
-        place=", ".join(f"{middle:.4g}" for middle in mesh.p[:, mesh.t[:, np.argmax(area(mesh))]].mean(axis=1)),
+        place=", ".join(f"{middle:.4g}" for middle in centroids_of(mesh, np.argmax(area(mesh)))),
         more=2 * mesh.nvertices,
         rim=_rim(mesh),
         materials="\n".join(_materials(mesh)),
@@ -151,10 +151,8 @@ def _potential(mesh: Mesh) -> Iterator[str]:
 
 
 def _rim_fractions(mesh: Mesh) -> dict[str, float]:
-    rim, corners = mesh.boundary_facets(), mesh.p[:, mesh.facets]
-    size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=0)
-    if len(mesh.p) == 3:
-        size = np.linalg.norm(normals(mesh.p.T, mesh.facets.T), axis=1)
+    rim, (a, b) = mesh.boundary_facets(), mesh.p[:, mesh.facets[:2]].swapaxes(0, 1)
+    size = magnitude(b - a if len(mesh.p) == 2 else facet_normals(mesh, slice(None)))
     return {
         name: float(size[rows].sum() / size[rim].sum()) if np.isin(rows, rim).all() else 0.0
         for name, rows in sorted(named_sets(mesh.boundaries).items())

@@ -12,7 +12,7 @@ from kohonen_adapt.cases.tables import surface
 from kohonen_adapt.geometry.rules import TOPOLOGIES, LeastQuality, Rules
 from kohonen_adapt.geometry.space.surfaces import Surface
 
-__all__ = ["command_parser", "options_of", "options_text", "refuse_link", "writable_folder"]
+__all__ = ["check_resumed", "command_parser", "options_of", "options_text", "writable_folder"]
 
 TOLERANCES = {
     "rtol": "the estimated error, as a fraction of the energy norm",
@@ -274,7 +274,13 @@ def writable_folder(folder: Path) -> Path:
         raise OSError(f"--out expected a writable folder; cannot write to '{folder}': {error.strerror}.") from error
 
 
-def refuse_link(folder: Path) -> None:
+def check_resumed(folder: Path, resume: bool, what: str) -> None:
+    """Refuse a link, and the absence of the folder of an earlier run to resume."""
+    if resume and not folder.is_dir():
+        raise FileNotFoundError(
+            f"--resume expected the folder of an earlier {what}; '{folder.parent}' has no folder '{folder.name}'. "
+            f"Start with --out {folder.parent}."
+        )
     if folder.is_symlink():
         raise FileExistsError(
             f"'{folder}' is a link, and files behind links are not replaced. Remove the link, or choose another folder."

@@ -23,8 +23,8 @@ from kohonen_adapt.geometry.space.surfaces import NamedSurfaces
 from kohonen_adapt.io import Groups, check_names_written
 from kohonen_adapt.kernels.tetrahedron.arrays import CONE, CYLINDER, HELD, INSIDE, ON_PATCH, ON_RIDGE, PLANE, SPHERE
 from kohonen_adapt.loop.single_steps import why_held
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, corner_positions
-from kohonen_adapt.mesh.measures import area, hat_gradients, quality
+from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of, facet_normals
+from kohonen_adapt.mesh.measures import angles_between, area, hat_gradients, magnitude, quality
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -54,17 +54,17 @@ REASONS = 12  # reasons listed
 
 
 def facets_described(mesh: MeshTet, rows: Ints) -> str:
-    a, b, c = (mesh.p[:, corner] for corner in mesh.facets[:, rows])
-    total = 0.5 * np.linalg.norm(np.cross(b - a, c - a, axis=0), axis=0).sum()
+    total = 0.5 * magnitude(facet_normals(mesh, rows)).sum()
     inside = int(np.sum(mesh.f2t[1, rows] >= 0))
     return f", {total:.4g} m^2{f', {inside} of them inside' if inside else ''}"
 
 
-def angles_described(mesh: MeshTet) -> str:
-    unit = hat_gradients(mesh)
-    unit /= np.linalg.norm(unit, axis=0)
-    cosine = [-np.sum(unit[:, i] * unit[:, j], axis=0) for i, j in combinations(range(4), 2)]
-    low, high = np.degrees(np.arccos(np.clip([np.max(cosine), np.min(cosine)], -1.0, 1.0)))
+def angles_described(mesh: Mesh) -> str:
+    normal = hat_gradients(mesh).swapaxes(0, 1)
+    angles = [np.pi - angles_between(one, other) for one, other in combinations(normal, 2)]
+    low, high = np.degrees([np.min(angles), np.max(angles)])
+    if len(mesh.p) == 2:
+        return f"smallest angle: {low:.3g} degrees"
     return f"dihedral angles: from {low:.3g} to {high:.3g} degrees"
 
 
@@ -105,7 +105,7 @@ def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
 
 def described(mesh: Mesh) -> list[str]:
     cell, in_plane = cell_of(mesh), len(mesh.p) == 2
-    areas, value, count = area(mesh), quality(mesh), _memberships(mesh)
+    areas, value, count = area(mesh), quality(mesh), _memberships(mesh).sum(axis=0)
     worst = int(np.argmin(value))
     return [
         f"size: {size_text(mesh)}, {mesh.nvertices} nodes, {counted(mesh.nelements, cell.name)}",
@@ -121,7 +121,7 @@ def described(mesh: Mesh) -> list[str]:
         f"{np.sum(count > 1)} in two or more",
         f"quality: worst {value[worst]:.3g} ({cell.name} {worst} near {_middle(mesh, worst)} m), "
         f"mean {value.mean():.3g}",
-        _smallest_angle(mesh) if in_plane else angles_described(mesh),
+        angles_described(mesh),
     ]
 
 
@@ -130,9 +130,12 @@ def points_described(groups: Groups) -> list[str]:
     return [f"point '{name}': {shown} m" for name, shown in places.items()]
 
 
-def _memberships(mesh: Mesh) -> Ints:
-    rows = [np.empty(0, int), *named_sets(mesh.subdomains).values()]
-    return np.bincount(np.concatenate(rows), minlength=mesh.nelements)
+def _memberships(mesh: Mesh) -> Mask:
+    sets = named_sets(mesh.subdomains).values()
+    is_in = np.zeros((len(sets), mesh.nelements), bool)
+    for own, rows in zip(is_in, sets, strict=True):
+        own[rows] = True
+    return is_in
 
 
 def unions(mesh: Mesh) -> dict[str, list[str]]:
@@ -149,14 +152,7 @@ def unions(mesh: Mesh) -> dict[str, list[str]]:
 
 
 def _middle(mesh: Mesh, element: int | np.signedinteger[Any]) -> str:
-    return point_text(mesh.p[:, mesh.t[:, element]].mean(axis=1))
-
-
-def _smallest_angle(mesh: Mesh) -> str:
-    corners = corner_positions(mesh)
-    one, other = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    across, along = one[0] * other[1] - one[1] * other[0], np.sum(one * other, axis=0)
-    return f"smallest angle: {np.degrees(np.arctan2(np.abs(across), along).min()):.3g} degrees"
+    return point_text(centroids_of(mesh, element))
 
 
 def moving(mesh: Mesh, surfaces: NamedSurfaces | None = None) -> tuple[list[str], Iterator[str]]:
@@ -255,15 +251,12 @@ def perimeter(triangulation: Triangulation, own: Mask) -> float:
     across = triangulation.elements.neighbour
     e, k = np.nonzero(own[:, None] & ((across < 0) | ~own[across]))
     a, b = triangulation.elements.ends(e, k)
-    return float(np.sum(np.hypot(*(triangulation.position[b] - triangulation.position[a]).T)))
+    return float(magnitude((triangulation.position[b] - triangulation.position[a]).T).sum())
 
 
 def _names(mesh: Mesh) -> Iterator[str]:
-    sets = named_sets(mesh.subdomains)
-    is_in = np.zeros((len(sets), mesh.nelements), bool)
-    for own, rows in zip(is_in, sets.values(), strict=True):
-        own[rows] = True
-    count, name, inside = is_in.sum(axis=0), plural(cell_of(mesh).name), GROUPS[len(mesh.p)][0]
+    is_in, name, inside = _memberships(mesh), plural(cell_of(mesh).name), GROUPS[len(mesh.p)][0]
+    count = is_in.sum(axis=0)
     overlap = (count > 1) & ~_can_be_covered(is_in[:, count > 0])
     for which, text in ((count == 0, "no subdomain"), (overlap, "more than one subdomain")):
         if which.any():

@@ -21,6 +21,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.single_steps import reasons_at
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.report.scene import FieldOf
@@ -232,5 +233,5 @@ def _plane_through(result: AdaptResult) -> Plane | None:
     mesh = result.mesh
     if len(mesh.p) == 2:
         return None
-    x, y, z = mesh.p[:, mesh.t[:, np.argmax(_magnitude(result.solution))]].mean(axis=1).tolist()
+    x, y, z = centroids_of(mesh, np.argmax(_magnitude(result.solution))).tolist()
     return Plane((x, y, z), (0.0, 1.0, 0.0))

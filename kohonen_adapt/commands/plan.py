@@ -20,7 +20,6 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, width_of
 from kohonen_adapt.mesh.curved import corners_of
-from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.problem.protocol import CheckedProblem
@@ -204,7 +203,7 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
     )
     touch = "a point" if cell is TRIANGLE else "a point or an edge"
     yield (
-        (_crossed if cell is TRIANGLE else _fanned)(mesh, rim),
+        _non_manifold(mesh),
         "non-manifold node",
         f": parts of the mesh touch only in {touch}; such a node does not move.",
     )
@@ -238,28 +237,14 @@ def _shares(corners: Floats, point: Floats) -> FloatsPair:
     return np.vstack([1.0 - others.sum(axis=0), others]), distance
 
 
-def _crossed(mesh: Mesh, rim: Ints) -> Ints:
-    return np.flatnonzero(np.bincount(mesh.facets[:, rim].ravel()) > 2)
-
-
-def _fanned(mesh: Mesh, rim: Ints) -> Ints:
-    # Return rim nodes with several fans of rim faces, or on an edge of three faces.
-    faces = mesh.facets[:, rim]
-    ends = np.concatenate(
-        [faces[list(pair)] for pair in TRIANGLE.outward], axis=1
-    )  # a face may have either orientation
-    _, edge = np.unique(keys_of(np.sort(ends, axis=0), mesh.p.shape[1]), return_inverse=True)
-    count, order = np.bincount(edge), np.argsort(edge, kind="stable")
-    crowded = ends[:, count[edge] > 2]
-    pair = order[count[edge[order]] == 2].reshape(-1, 2)
-    # A fan is a connected set of corners (face, node); two faces with a common edge connect corners at both ends.
-    corner = {end: _corners(faces, pair % len(rim), ends[end, pair[:, 0]]) for end in (0, 1)}
-    fan = connected_components_of(faces.size, np.concatenate([corner[0], corner[1]]))
-    node = np.unique(np.stack([faces.ravel(), fan]), axis=1)[0]
-    return np.union1d(np.flatnonzero(np.bincount(node) > 1), crowded)
-
-
-def _corners(faces: Ints, face: Ints, node: Ints) -> Ints:
-    # Return the flat index of the corner of each face (k, 2) at a node (k,).
-    which = np.argmax(faces[:, face] == node[:, None], axis=0)
-    return which * faces.shape[1] + face
+def _non_manifold(mesh: Mesh) -> Ints:
+    # Return nodes with several sets of elements that are connected by facets at the node.
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)
+    nodes, corners = mesh.facets[:, inner], list[Ints]()
+    for element in mesh.f2t[:, inner]:
+        which = np.argmax(mesh.t[:, None, element] == nodes, axis=0)
+        corners.append((which * mesh.nelements + element).ravel())
+    fan = connected_components_of(mesh.t.size, np.stack(corners, axis=1))
+    node = np.empty(fan.max() + 1, int)
+    node[fan] = mesh.t.ravel()
+    return np.flatnonzero(np.bincount(node) > 1)

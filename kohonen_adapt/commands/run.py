@@ -13,7 +13,7 @@ import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.cases.case import Case
-from kohonen_adapt.commands.arguments import refuse_link
+from kohonen_adapt.commands.arguments import check_resumed
 from kohonen_adapt.display import lattice_points
 from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_whole
 from kohonen_adapt.io import write_mesh
@@ -71,14 +71,9 @@ class CaseRun:
         OSError
             If files cannot be removed.
         """
-        refuse_link(self.passes)
+        check_resumed(self.passes, resume, "run")
         if not resume:
             self._remove_run(force)
-        elif not self.passes.is_dir():
-            raise FileNotFoundError(
-                f"--resume expected the folder of an earlier run; '{self.folder}' has no folder '{PASSES}'. Start "
-                f"with --out {self.folder}."
-            )
         self.passes.mkdir(exist_ok=True)
         remove_drafts(self.folder)  # `adapt` cleans the folder of the passes
         return len(self._files())

@@ -20,7 +20,7 @@ from kohonen_adapt.cases.checking import fitting_mesh
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.readers import locate_errors
 from kohonen_adapt.cases.reading import case_of, read_case, with_options
-from kohonen_adapt.commands.arguments import options_of, options_text, refuse_link, writable_folder
+from kohonen_adapt.commands.arguments import check_resumed, options_of, options_text, writable_folder
 from kohonen_adapt.commands.plan import plan_sentence
 from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure, write_whole
@@ -29,7 +29,7 @@ from kohonen_adapt.loop.figures import with_unit
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Tolerance
 from kohonen_adapt.precompile import compile_missing
-from kohonen_adapt.sweeps.cases import ASKED, ERROR, SweepResult
+from kohonen_adapt.sweeps.cases import ASKED, ERROR, SECONDS, SweepResult
 from kohonen_adapt.sweeps.pool import LocalPool
 from kohonen_adapt.sweeps.sweep import sweep
 
@@ -146,11 +146,9 @@ def _missed(result: SweepResult) -> list[str]:
 
 
 def records(result: SweepResult) -> Iterator[dict[str, Any]]:
-    for row, error in zip(result.table, result.errors, strict=True):
-        record = {
-            name: row[name].item() if isinstance(row[name], np.generic) else row[name] for name in row.dtype.names
-        }
-        known = {name: value for name, value in record.items() if not (isinstance(value, float) and np.isnan(value))}
+    for values, error in zip(result.table.tolist(), result.errors, strict=True):
+        record = zip([*result.parameters, *result.outputs, SECONDS], values, strict=True)
+        known = {name: value for name, value in record if not (isinstance(value, float) and np.isnan(value))}
         yield known | ({} if error is None else {"error": f"{type(error).__name__}: {error}"})
 
 
@@ -166,13 +164,8 @@ def _draw(result: SweepResult, folder: Path) -> list[str]:
 def _begun(arguments: argparse.Namespace) -> Path:
     folder: Path = arguments.resume or writable_folder(arguments.out)
     cases = folder / CASES
-    refuse_link(cases)
     stopped_early = folder.is_dir() and not any(folder.iterdir())  # before the first case
-    if arguments.resume and not (cases.is_dir() or stopped_early):
-        raise FileNotFoundError(
-            f"--resume expected the folder of an earlier sweep; '{folder}' has no folder '{CASES}'. Start with --out "
-            f"{folder}."
-        )
+    check_resumed(cases, arguments.resume and not stopped_early, "sweep")
     remove_drafts(folder)  # of killed processes
     if cases.is_dir() and not arguments.resume:
         if any(cases.glob("case-*.json")) and not (folder / TABLE).exists():

@@ -25,7 +25,7 @@ from kohonen_adapt.io.content import (
 from kohonen_adapt.io.curved_sides import ORDERS, TEN_NODES, order_of_sides, with_curved_edges, with_curved_sides
 from kohonen_adapt.io.groups import by_group, name_of
 from kohonen_adapt.log import logger
-from kohonen_adapt.mesh.cells import CELLS
+from kohonen_adapt.mesh.cells import CELLS, centroids_of
 from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.mesh.host import is_own_name, keys_of, number_facets, of_kind, set_boundaries
 from kohonen_adapt.mesh.measures import area, directed, is_in_front, signed_area
@@ -162,8 +162,7 @@ def _boundaries(mesh: MeshTri | MeshTet, used: Ints, content: Content, path: Pat
     if not found.all():
         _report_others(content, rows.nodes[~found], path)
     node, facet = node[found], facet[found]
-    centre = mesh.p[:, mesh.t[:, mesh.f2t[0, facet]]].mean(axis=1)
-    second = ~is_in_front(mesh.p[:, node.T], centre) & (mesh.f2t[1, facet] >= 0)
+    second = ~is_in_front(mesh.p[:, node.T], centroids_of(mesh, mesh.f2t[0, facet])) & (mesh.f2t[1, facet] >= 0)
     made: Sets = {}
     for name, codes in (_items_by_name(rows.group[found], 2 * facet + second, shape, content) or {}).items():
         facets, first = np.unique(codes // 2, return_index=True)

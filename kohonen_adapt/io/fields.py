@@ -15,7 +15,7 @@ from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.medit_solution import SOLUTION, read_solution
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
 from kohonen_adapt.io.read import read_mesh
-from kohonen_adapt.mesh.cells import cell_of, corner_positions, width_of
+from kohonen_adapt.mesh.cells import cell_of, centroids_of, width_of
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.shapes import checked_tensors, mean_tensors
 from kohonen_adapt.mesh.validity import check_mesh
@@ -134,7 +134,7 @@ def _match_cells(mesh: Mesh, points: Floats, cells: Ints, path: Path, shape: str
             f"{counts[0]} and {counts[1]}."
         )
     _nearest(mesh.p.T, points[used], mesh, path, "node")
-    place = _nearest(corner_positions(mesh).mean(axis=1).T, points[cells].mean(axis=1), mesh, path, shape)
+    place = _nearest(centroids_of(mesh).T, points[cells].mean(axis=1), mesh, path, shape)
     if len(np.unique(place)) < len(place):
         raise ValueError(f"read_field expected a field on the mesh; '{path}' has different {plural(shape)}.")
     return place

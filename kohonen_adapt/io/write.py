@@ -146,15 +146,15 @@ def check_names_written(mesh: Mesh) -> None:
 
 
 def with_midside_means(
-    mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike] | None, edges: Ints | None = None
+    mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike], edges: Ints
 ) -> Mapping[str, ArrayLike]:
     """Return fields at all nodes, with the mean of both ends at midside nodes.
 
     `edges` (n, 2) are those of tetrahedra with midside nodes.
     """
-    given = dict(fields or {})
+    given = dict(fields)
     sides = mesh.facets if len(mesh.p) == 2 else mesh.edges
-    ends = sides if is_second_order(mesh) else np.transpose(np.zeros((0, 2), int) if edges is None else edges)
+    ends = sides if is_second_order(mesh) else edges.T
     for name, values in given.items() if ends.size else ():
         array = np.asarray(values)
         if array.shape == (mesh.nvertices,) and array.dtype.kind in "biuf":

@@ -21,7 +21,7 @@ from kohonen_adapt.log import logger
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.loop.passes import work_of
-from kohonen_adapt.mesh.cells import check_kind
+from kohonen_adapt.mesh.cells import centroids_of, check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.polishing.polish import SWEEPS, descend_and_recycle
@@ -127,7 +127,7 @@ def relocate(
     layered = with_thin_layers(mesh, rules)
     movable = method.open(layered, rules, None)
     if layered is not mesh and not callable(density) and np.shape(density)[:1] == mesh.t.shape[1:]:
-        density = np.asarray(density)[find_elements(mesh, layered.p[:, layered.t].mean(axis=1))]
+        density = np.asarray(density)[find_elements(mesh, centroids_of(layered))]
     expect(*method.moving_kernels(topology, schedule))
     moved = method.move(movable, density, schedule, topology, np.random.default_rng(seed), nodes=int(mesh.nvertices))
     report_sagitta(moved.before, movable)

@@ -10,6 +10,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Ending, Pass, Passes
 from kohonen_adapt.loop.result import AdaptResult
+from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.polishing.functional import Functional
@@ -188,7 +189,7 @@ def ratio_by_smaller_elements(step: Pass, other: Pass) -> float:
     # Smaller elements have less error. Elements whose error is contradicted by smaller ones inside have the error of
     # these, scaled to the larger size: squared errors over areas are proportional to h^(2 order).
     size, part = area(step.mesh), area(other.mesh)
-    inside = find_elements(step.mesh, other.mesh.p[:, other.mesh.t].mean(axis=1))
+    inside = find_elements(step.mesh, centroids_of(other.mesh))
     rows = np.flatnonzero((inside >= 0) & (part < size[inside]))
     around, part = inside[rows], part[rows]
     scale = step.indicators.max()

@@ -26,6 +26,7 @@ __all__ = [
     "elements_in",
     "in_order",
     "joined_names",
+    "labelled",
     "labels",
     "manners_of",
     "marked_facets",
@@ -134,6 +135,13 @@ def combinations(sets: Sequence[Ints], count: int) -> tuple[Ints, list[Ints]]:
     members = [np.flatnonzero(column) for column in within.T]
     order = sorted(range(len(members)), key=lambda number: members[number].tolist())
     return np.argsort(order)[combination], [members[number] for number in order]
+
+
+def labelled(sets: Mapping[str, Ints], count: int) -> tuple[Ints, list[str]]:
+    """Return the index of the names of each of `count` items, and all names."""
+    number, members = combinations(list(sets.values()), count)
+    names = list(sets)
+    return number, [", ".join(names[k] for k in each.tolist()) for each in members]
 
 
 def regions_of(mesh: Mesh, neighbour: Ints) -> Ints:

@@ -21,6 +21,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.plotting.drawing import COLOURS, set_axes
 
@@ -179,7 +180,7 @@ def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int
 
 
 def _beside(line: Floats, towards: Floats) -> FloatsPair:
-    steps = np.append(0.0, np.cumsum(np.sqrt(np.sum(np.diff(line, axis=0) ** 2, axis=1))))
+    steps = np.append(0.0, np.cumsum(magnitude(np.diff(line, axis=0).T)))
     at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
     k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)
     normal = np.array([line[k - 1, 1] - line[k, 1], line[k, 0] - line[k - 1, 0]]) / (steps[k] - steps[k - 1])

@@ -17,11 +17,11 @@ from kohonen_adapt.checks import as_reals, with_nearest_names
 from kohonen_adapt.display import in_unit
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
-from kohonen_adapt.mesh.cells import check_kind
+from kohonen_adapt.mesh.cells import check_kind, normals
 from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.host import count_unknowns, edges_between
-from kohonen_adapt.mesh.measures import directed
-from kohonen_adapt.mesh.names import combinations, named_sets
+from kohonen_adapt.mesh.measures import directed, unit_vectors
+from kohonen_adapt.mesh.names import labelled, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
 from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline
@@ -209,8 +209,7 @@ def _on_faces(mesh: MeshTet, rim: Ints, values: Floats) -> Floats:
 def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
     mesh = shape.corners
     nodes = directed(mesh, rim, np.zeros_like(rim)).T
-    corners = mesh.p[:, nodes]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], axis=0)
+    corners, normal = mesh.p[:, nodes], normals(mesh.p.T, nodes.T).T
     seen = np.flatnonzero(camera[2] @ normal > 0.0)
     order = seen[np.argsort(camera[2] @ corners.mean(axis=1)[:, seen], kind="stable")]
     outline = corners
@@ -221,7 +220,7 @@ def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tup
     projected = scale * np.einsum("kc,cif->fik", camera[:2], outline[:, :, order])
     width = float(np.clip(15.0 / np.sqrt(len(order)), 0.05, 0.4))
     drawn = PolyCollection(projected, linewidths=width, edgecolors="0.25", rasterized=True)
-    towards_light = (LIGHT @ camera) @ normal[:, order] / np.linalg.norm(normal[:, order], axis=0)
+    towards_light = (LIGHT @ camera) @ unit_vectors(normal[:, order])
     return drawn, order, towards_light
 
 
@@ -250,9 +249,7 @@ def _on_cut(mesh: MeshTet, shown: Flat, values: Floats) -> Floats:
 
 
 def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
-    number, members = combinations(list(sets.values()), count)
-    names = list(sets)
-    labels = [", ".join(names[k] for k in each.tolist()) for each in members]
+    number, labels = labelled(sets, count)
     chosen = [COLOURS[k % len(COLOURS)] for k in range(len(labels))]
     colours = np.array([WHITE + (1.0 - WHITE) * np.array(to_rgb(colour)) for colour in chosen])
     colours[[not text for text in labels]] = to_rgb(NAMELESS)

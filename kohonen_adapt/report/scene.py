@@ -23,7 +23,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.coils.placement import listed_coils
 from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.mesh.names import codes_of_names, named_sets
+from kohonen_adapt.mesh.names import labelled, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 
 __all__ = ["FieldOf", "HeldBy", "packed", "view_data"]
@@ -193,11 +193,8 @@ def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
 
     New sets are added to `names`.
     """
-    subdomains = named_sets(mesh.subdomains)
-    codes = codes_of_names([(rows, 0) for rows in subdomains.values()], mesh.nelements)
-    _, first, number = np.unique(codes, return_index=True, return_inverse=True)
-    sets = [[name for name, rows in subdomains.items() if np.any(rows == one)] for one in first]
-    return np.array([names.setdefault(", ".join(each) or NAMELESS, len(names)) for each in sets])[number]
+    number, labels = labelled(named_sets(mesh.subdomains), mesh.nelements)
+    return np.array([names.setdefault(text or NAMELESS, len(names)) for text in labels])[number]
 
 
 def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
