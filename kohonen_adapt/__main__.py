@@ -77,9 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         let_signals_end_the_process()
-    commands = {"demo": _demo, "run": _run, "init": _init, "check": _check}
-    commands |= {"relocate": relocate_file, "sweep": sweep_case}
-    parser = command_parser(description, __version__, commands)
+    parser = command_parser(description, __version__, HANDLERS)
     arguments = parser.parse_args(argv)
     if arguments.command is None:
         parser.exit(WRONG_USE, parser.format_help())
@@ -117,7 +115,7 @@ def _demo(arguments: argparse.Namespace, terminal: Terminal) -> int:
 
 def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     options = options_of(arguments)
-    case = read_case(arguments.case, options)
+    case, text = read_case(arguments.case, options), options_text(options)
     if arguments.out is None and arguments.resume is None and not arguments.dry_run:
         raise ValueError("run expected --out DIR (folder for the results), --resume DIR or --dry-run.")
     mesh = _read_mesh(case, arguments.case, terminal)
@@ -128,24 +126,23 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
     run = CaseRun(case, mesh, folder, progress=passes.show, report=passes.report)
     if finished := run.begin(resume=arguments.resume is not None, force=arguments.force):
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
-    resume = ["kohonen-adapt", "run", str(arguments.case), *options_text(options), "--resume", str(folder)]
+    resume = ["kohonen-adapt", "run", str(arguments.case), *text, "--resume", str(folder)]
     terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {shlex.join(resume)}")
     _say_lines(terminal, plan_lines(case, mesh))
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
     before = passes.before or adapt(mesh, CheckedProblem(case.problem).at_grading_order, passes=0)
-    bracket = None
-    if case.bracket and isinstance(case.problem, MagneticScalarPotential) and result.status is not Status.FAILED:
+    failed, bracket = result.status is Status.FAILED, None
+    if case.bracket and isinstance(case.problem, MagneticScalarPotential) and not failed:
         bracket = bracket_of(case.problem, result.solution)
-    text = options_text(options)
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, text, bracket))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(result), *(pictures or [])])}.")
     _say_lines(terminal, (goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result)))
-    if result.status is Status.FAILED:
+    if failed:
         terminal.complain(result.message)
     terminal.repeat_warnings()
-    return FAILED if result.status is Status.FAILED else DONE
+    return FAILED if failed else DONE
 
 
 def _read_mesh(case: Case, path: Path, terminal: Terminal) -> Mesh:
@@ -220,15 +217,15 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     check_mesh(mesh, inverted=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
-    terminal.say("\n".join([*described(corners), *points_described(groups)]))
+    _say_lines(terminal, [*described(corners), *points_described(groups)])
     found = list(faults(corners))
-    lines, hinted = moving(mesh, dict(ChainMap(*arguments.surfaces)))
+    surfaces = dict(ChainMap(*arguments.surfaces))
+    lines, hinted = moving(mesh, surfaces)
     all_hints = chain(hints_of_mesh(corners, arguments.scale), hinted)
-    terminal.say("\n".join([*lines, *(f"hint: {hint}" for hint in all_hints)]))
+    _say_lines(terminal, [*lines, *(f"hint: {hint}" for hint in all_hints)])
     if arguments.nodes:
-        terminal.say("\n".join(held_described(mesh, dict(ChainMap(*arguments.surfaces)))))
-    for fault in found:
-        terminal.say(f"- {fault}")
+        _say_lines(terminal, held_described(mesh, surfaces))
+    _say_lines(terminal, (f"- {fault}" for fault in found))
     terminal.say(f"{counted(len(found), 'fault')} found." if found else "No faults found.")
     return FAILED if found else DONE
 
@@ -238,6 +235,16 @@ def _example(name: str) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise FileNotFoundError(f"the example '{name}' is missing in {EXAMPLES[0]}. Install kohonen-adapt again.")
+
+
+HANDLERS = {
+    "demo": _demo,
+    "run": _run,
+    "init": _init,
+    "check": _check,
+    "relocate": relocate_file,
+    "sweep": sweep_case,
+}
 
 
 if __name__ == "__main__":

@@ -223,21 +223,22 @@ def finite_values(name: str, value: Any, x: Floats, shape: tuple[int, ...], reme
 
 
 def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    x, y = finite_coordinates(point, what, "two finite numbers (x, y)", 2)
+    x, y = finite_coordinates(point, what, 2)
     return x, y
 
 
 def finite_triple(point: ArrayLike, what: str) -> tuple[float, float, float]:
-    x, y, z = finite_coordinates(point, what, "three finite numbers (x, y, z)", 3)
+    x, y, z = finite_coordinates(point, what, 3)
     return x, y, z
 
 
-def finite_coordinates(point: ArrayLike, what: str, wanted: str, count: int) -> list[float]:
+def finite_coordinates(point: ArrayLike, what: str, count: int) -> list[float]:
     try:
         found = [float(coordinate) for coordinate in np.asarray(point, float)]
     except (TypeError, ValueError):
         found = []
     if len(found) != count or not all(map(isfinite, found)):
+        wanted = "two finite numbers (x, y)" if count == 2 else "three finite numbers (x, y, z)"
         raise ValueError(f"{what} must be {wanted}; got {point!r}.")
     return found
 

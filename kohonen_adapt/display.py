@@ -26,6 +26,7 @@ __all__ = [
     "lattice",
     "lattice_points",
     "level_of_share",
+    "listed_numbers",
     "outlined_facets",
     "plural",
     "significant",
@@ -114,6 +115,12 @@ def by_error(value: float, error: float | None) -> str:
     return significant(value, min(max(digits, 2), MOST_DIGITS))
 
 
+def listed_numbers(values: Floats, most: int) -> str:
+    # the different values to four digits, or the range of more than `most`
+    texts = list(dict.fromkeys(f"{value:.4g}" for value in np.sort(values)))
+    return ", ".join(texts) if len(texts) <= most else f"{texts[0]} to {texts[-1]}"
+
+
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:
     order = np.argsort(values)
     running = np.cumsum(weights[order])
@@ -160,15 +167,14 @@ def field_values(name: str, given: ArrayLike, mesh: Mesh, nodal: bool) -> Floats
 
     Shapes are (nnodes,), (nelements,), or on triangles (k, nelements), at the points of a lattice in every element.
     """
-    points = len(np.asarray(given))
     shape = {"nnodes": int(mesh.nvertices)} if nodal else {"nelements": mesh.nelements}
     if np.ndim(given) == len(mesh.p) == 2:
-        if not divisions_of(points):
+        shape = {"k": len(np.asarray(given)), "nelements": mesh.nelements}
+        if not divisions_of(shape["k"]):
             raise ValueError(
                 f"{name} must have shape (k, nelements) = (k, {mesh.nelements}) with k = (n + 1) (n + 2) / 2 points of "
                 f"a lattice in every element, 3 for the corners; got {np.shape(given)}."
             )
-        shape = {"k": points, "nelements": mesh.nelements}
     return as_reals(name, given, shape)
 
 

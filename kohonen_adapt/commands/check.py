@@ -12,7 +12,7 @@ from skfem import Mesh, MeshTet
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.commands.plan import seams, size_text, unit_doubts
-from kohonen_adapt.display import counted, plural
+from kohonen_adapt.display import counted, listed_numbers, plural
 from kohonen_adapt.geometry.plane.arcs import possible_arcs
 from kohonen_adapt.geometry.plane.layers import bands_of, check_layer_count, parts_of
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -186,11 +186,7 @@ def outlines_described(movable: MovableMesh) -> list[str]:
 
 
 def _radii(radii: Floats) -> str:
-    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
-    if not texts:
-        return ""
-    text = ", ".join(texts) if len(texts) <= LISTED else f"{texts[0]} to {texts[-1]}"
-    return f" (radius {text} m)"
+    return f" (radius {listed_numbers(radii, LISTED)} m)" if radii.size else ""
 
 
 def faults(mesh: Mesh) -> Iterator[str]:

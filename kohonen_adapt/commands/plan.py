@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.checks import listed, point_text
 from kohonen_adapt.display import counted
@@ -20,7 +20,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.mesh.cells import TRIANGLE, cell_of, width_of
 from kohonen_adapt.mesh.curved import corners_of
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.measures import distances, magnitude
 from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.problem.protocol import CheckedProblem
 
@@ -218,23 +218,15 @@ def _coincident(mesh: Mesh, rim: Ints) -> Ints:
 def _hanging(mesh: Mesh, rim: Ints) -> Ints:
     corners = mesh.p[:, mesh.facets[:, rim]]
     centre = corners.mean(axis=1)
-    reach = np.sqrt(np.sum((corners - centre[:, None]) ** 2, axis=0).max(axis=0))
+    reach = magnitude(corners - centre[:, None]).max(axis=0)
     nodes = np.unique(mesh.facets[:, rim])
     near = cKDTree(mesh.p[:, nodes].T).query_ball_point(centre.T, reach * (1.0 - SAME))
     facet = np.repeat(np.arange(len(rim)), [len(found) for found in near])
     node = nodes[np.concatenate([np.asarray(found, int) for found in near])]
-    share, distance = _shares(corners[:, :, facet], mesh.p[:, node])
-    inside = (share.min(axis=0) > -SAME) & (share.max(axis=0) < 1.0 - SAME)
-    return np.unique(node[inside & (distance < SAME * reach[facet])])
-
-
-def _shares(corners: Floats, point: Floats) -> FloatsPair:
-    edges, off = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0), (point - corners[:, 0]).T
-    turned = edges.swapaxes(1, 2)
-    share = np.linalg.solve(turned @ edges, turned @ off[:, :, None])
-    distance = np.linalg.norm(off - (edges @ share)[:, :, 0], axis=1)
-    others = share[:, :, 0].T
-    return np.vstack([1.0 - others.sum(axis=0), others]), distance
+    at, own = mesh.p[:, node], corners[:, :, facet]
+    tolerance = SAME * reach[facet]
+    is_corner = magnitude(at[:, None] - own).min(axis=0) <= tolerance
+    return np.unique(node[~is_corner & (distances(at, own) < tolerance)])
 
 
 def _non_manifold(mesh: Mesh) -> Ints:

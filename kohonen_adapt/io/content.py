@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +35,7 @@ __all__ = [
     "indices_in",
     "nodes_per_element",
     "parse_numbers",
+    "placed",
     "rows_in",
     "shape_of",
     "suffix_of",
@@ -224,6 +225,14 @@ def indices_in(known: Ints, wanted: Ints) -> Ints:
     order = np.argsort(known, kind="stable")
     place = order[np.searchsorted(known, wanted, sorter=order).clip(max=len(known) - 1)]
     return np.where(known[place] == wanted, place, -1)
+
+
+def placed(rows: Rows, numbers: Ints) -> Rows:
+    """Return rows with the index of every node in the node numbers of a file."""
+    place = indices_in(numbers, rows.nodes)
+    if np.any(place < 0):
+        raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
+    return replace(rows, nodes=place)
 
 
 def rows_in(known: Ints, wanted: Ints) -> Ints:

@@ -19,9 +19,9 @@ from kohonen_adapt.io.content import (
     Rows,
     as_value_error,
     in_space,
-    indices_in,
     nodes_per_element,
     parse_numbers,
+    placed,
 )
 from kohonen_adapt.io.groups import GroupNumbers, Groups, numbers_for
 from kohonen_adapt.mesh.measures import directed
@@ -52,10 +52,7 @@ def read_elmer(folder: Path) -> Content:
         parts: dict[int, list[Rows]] = {}
         blocks = [*_blocks(_text(folder, "mesh.elements"), 1), *_blocks(_text(folder, "mesh.boundary"), 3)]
         for kind, rows in blocks:
-            place = indices_in(nodes[:, 0], rows.nodes)
-            if np.any(place < 0):
-                raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
-            parts.setdefault(kind, []).append(Rows(place, rows.group, rows.number))
+            parts.setdefault(kind, []).append(placed(rows, nodes[:, 0]))
         joined = {kind: Rows.joined(rows, nodes_per_element(kind)) for kind, rows in parts.items()}
         bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(int))
         return replace(bare, names=_names(folder, bare.dimension))

@@ -6,7 +6,6 @@ untagged entity are refused by meshio.
 """
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +27,7 @@ from kohonen_adapt.io.content import (
     indices_in,
     nodes_per_element,
     parse_numbers,
+    placed,
     shape_of,
 )
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
@@ -181,10 +181,7 @@ def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
         rows = Rows.joined([part for other, part in blocks if other == kind], nodes_per_element(kind))
         if rows.nodes.size and not len(numbers):
             raise ValueError("it has elements and no nodes")
-        place = indices_in(numbers, rows.nodes)
-        if np.any(place < 0):
-            raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")
-        found[kind] = replace(rows, nodes=place)
+        found[kind] = placed(rows, numbers)
     return found
 
 

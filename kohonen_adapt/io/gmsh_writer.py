@@ -129,6 +129,10 @@ def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, firs
     return Layer(0, used[:, None], number, np.arange(len(used)), tags, written)
 
 
+def _write_integers(stream: TextIO, table: Ints) -> None:
+    _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
+
+
 def _write_rows(stream: TextIO, row: str, table: Array) -> None:
     for start in range(0, len(table), CHUNK):  # %r restores floats exactly
         part = table[start : start + CHUNK]
@@ -154,7 +158,7 @@ def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     for layer, entity, which in parts:
         stream.write(f"{layer.dimension} {entity + 1} {layer.kind} {len(which)}\n")
         table = np.column_stack([layer.number[which], layer.nodes[which] + 1])
-        _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
+        _write_integers(stream, table)
     stream.write("$EndElements\n")
 
 
@@ -202,7 +206,7 @@ def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
         # Fields refer to the numbers of the first table; elements listed again get further numbers.
         table[:, 0] = start + np.arange(len(table))
         start += len(table)
-        _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
+        _write_integers(stream, table)
     stream.write("$EndElements\n")
 
 

@@ -22,9 +22,8 @@ from kohonen_adapt.loop.state import UNSOLVED, Solved, State
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import (
     StopTest,
+    ending_so_far,
     failed_ending,
-    interim_ending,
-    interrupted_ending,
     outcome,
     stay_ending,
     with_errors,
@@ -305,7 +304,7 @@ class Loop:
         steps.has_solved = True
         if self.interim:
             self.solve_best()
-            self.interim(self.state.result(interim_ending(self.state)))
+            self.interim(self.state.result(ending_so_far("Interim result", self.state)))
         if self.checkpoint:
             record = state.last.record
             with steps("checkpoint", f"checkpoint of pass {record.number}", record.number):
@@ -323,11 +322,10 @@ class Loop:
 
     def resume(self) -> bool:
         """Read the passes of the checkpoint, and solve again on the last mesh."""
-        records = self.checkpoint.passes(self.adaptation.movable) if self.checkpoint else ()
-        begun = False
-        for solved in map(self.adaptation.unsolved, records):
-            begun = True
-            self.state = self.state.with_pass(solved) if solved.record.number else State.first(solved)
+        movable, begun = self.adaptation.movable, False
+        for record in self.checkpoint.passes(movable) if self.checkpoint else ():
+            begun, solved = True, Solved(record, UNSOLVED, None, movable.copy())
+            self.state = self.state.with_pass(solved) if record.number else State.first(solved)
             self.terminate()
             if self.state.ending:
                 return True
@@ -366,6 +364,6 @@ class Loop:
         except KeyboardInterrupt:
             if not self.adaptation.steps.has_solved:
                 raise
-            self.state = self.state.ended(interrupted_ending(self.state))
+            self.state = self.state.ended(ending_so_far("Stopped by Ctrl-C", self.state))
         except StepFailed as failure:
             self.state = self.state.ended(failed_ending(failure, self.state))

@@ -1,7 +1,6 @@
 """Relocation, polish and reasons of held nodes, without a loop of passes."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,11 +20,12 @@ from kohonen_adapt.log import logger
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.functional_of_pass import functional_of
 from kohonen_adapt.loop.passes import work_of
+from kohonen_adapt.loop.setup import rules_for
 from kohonen_adapt.mesh.cells import centroids_of, check_kind
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.polishing.polish import SWEEPS, descend_and_recycle
-from kohonen_adapt.problem.evaluation import curves_of, ritz_of
+from kohonen_adapt.problem.evaluation import ritz_of
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered, Problem, check_names
 from kohonen_adapt.som.relocate import report_sagitta
 from kohonen_adapt.som.schedule import Schedule, check_training
@@ -317,27 +317,20 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
 
 
 def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> Texts:
-    orders = range(0) if problem is None else problem.final_orders(False)
-    if problem is not None and orders:  # the solution is not of the order of the passes
+    method = method_of(mesh)
+    if problem is None:
+        check_for(rules, method.dim)
+        layered = with_thin_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
+        reasons = method.reasons(method.open(layered, rules.guarded(), None))
+        return np.array(with_pins(reasons, mesh, rules.pinned, None), np.str_)
+    if problem.final_orders(False):  # the solution is not of the order of the passes
         problem, solution = problem.at_grading_order, None
-    if problem is not None:
-        curves, pairs = curves_of(problem, mesh, rules.curves), rules.periodic or problem.pairs
-        rules = replace(rules, curves=curves, periodic=pairs)
-    check_for(rules, mesh.dim())
-    movable = opened(mesh, rules, problem)
-    reasons = method_of(mesh).reasons(movable)
-    reasons = with_pins(reasons, mesh, rules.pinned, None if problem is None else problem.points_on(mesh))
-    if problem is not None:
-        polish = polish_reasons(mesh, movable, problem, solution)
-        reasons = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
-    return np.array(reasons, np.str_)
-
-
-def opened(mesh: Mesh, rules: Rules, problem: CheckedProblem | None) -> Any:
-    if problem is not None:
-        rules = with_pinned(rules, problem.nodes_on(mesh))
-    layered = with_thin_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
-    return method_of(mesh).open(layered, rules.guarded(), None if problem is None else problem.is_curved)
+    given = rules_for(problem, mesh, rules, rules.periodic or None)
+    movable = method.open(with_thin_layers(mesh, given), given, problem.is_curved)
+    reasons = with_pins(method.reasons(movable), mesh, rules.pinned, problem.points_on(mesh))
+    polish = polish_reasons(mesh, movable, problem, solution)
+    found = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
+    return np.array(found, np.str_)
 
 
 def polish_reasons(mesh: Mesh, movable: Any, problem: CheckedProblem, solution: Any) -> list[str]:

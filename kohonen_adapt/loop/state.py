@@ -90,7 +90,8 @@ class State:
     def with_pass(self, solved: Solved) -> "State":
         record, least, lowest = solved.record, self.least_error, self.lowest_functional
         least = solved if has_less_error(record, least.record) else least
-        lowest = solved if has_lower_functional(record, lowest.record) else lowest
+        now, before = record.functional, lowest.record.functional
+        lowest = solved if now is not None and before is not None and now < before else lowest
         return State((*self.passes, record), solved, least, lowest, self.returns_to_best)
 
     def with_solution(self, before: Solved, now: Solved) -> "State":
@@ -147,10 +148,6 @@ def has_less_error(step: Pass, best: Pass) -> bool:
     # indicators that are all zero do not compare passes
     now, least = error_measure(step, best), error_measure(best, step)
     return now < least or (now == least == 0.0 and step.unknowns > best.unknowns)
-
-
-def has_lower_functional(step: Pass, best: Pass) -> bool:
-    return step.functional is not None and best.functional is not None and step.functional < best.functional
 
 
 # Ratio of a squared error to its estimate above which the mesh does not resolve the solution. In 578 runs with a finer

@@ -21,7 +21,7 @@ from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Pass, Steps, Work, text_of, work_of
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.sides import Sides
-from kohonen_adapt.loop.state import UNSOLVED, Solved, curved_of
+from kohonen_adapt.loop.state import Solved, curved_of
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.functional import Functional
@@ -201,9 +201,6 @@ class Adaptation:
         check_signs(record.outputs, self.outputs(solution))
         functional = self._functional(record.mesh, solution, record.share).functional
         return Solved(record, solution, functional, self.movable.copy())
-
-    def unsolved(self, record: Pass) -> Solved:
-        return Solved(record, UNSOLVED, None, self.movable.copy())
 
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         """Move the nodes to the density of equal errors, or only split edges `by_energy`."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from kohonen_adapt.checks import check_count, check_hook, listed
 from kohonen_adapt.display import counted
-from kohonen_adapt.loop.corners import corner_remark
+from kohonen_adapt.loop.corners import LIMITED, corner_remark
 from kohonen_adapt.loop.figures import energy_norm_error
 from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
@@ -29,8 +29,6 @@ DISAGREEMENT = 3.0
 FULL = 0.98  # fraction of the largest number of nodes from which a mesh is full
 
 CONTINUE = "Adapt the result to continue."
-
-UNINTERRUPTED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED)
 
 
 @dataclass(frozen=True)
@@ -146,7 +144,7 @@ def remarks_on_passes(state: State, settings: Settings, norm: str) -> Iterator[s
     status = state.ending and state.ending.status
     if len(passes) > 1 or status is not Status.CONVERGED:  # else nothing was polished or compared
         yield _polish_remark(passes, settings, norm)
-    if status in UNINTERRUPTED:
+    if status in LIMITED:
         yield _shortfall_remark(passes, settings)
 
 
@@ -251,16 +249,9 @@ def stay_ending(state: State, work: Work) -> Ending:
     return stalled_ending(best) if state.returns_to_best else unmoved_ending(work, best)
 
 
-def interim_ending(state: State) -> Ending:
-    return Ending(Status.STOPPED, f"Interim result {_continued(state)}")
-
-
-def interrupted_ending(state: State) -> Ending:
-    return Ending(Status.STOPPED, f"Stopped by Ctrl-C {_continued(state)}")
-
-
-def _continued(state: State) -> str:
-    return f"after {count_text(state.passes)}. {best_pass_text(state.best.record)} {CONTINUE}"
+def ending_so_far(what: str, state: State) -> Ending:
+    text = f"{what} after {count_text(state.passes)}. {best_pass_text(state.best.record)} {CONTINUE}"
+    return Ending(Status.STOPPED, text)
 
 
 def failed_ending(failure: StepFailed, state: State) -> Ending:

@@ -28,6 +28,7 @@ __all__ = [
     "angles_between",
     "area",
     "directed",
+    "distances",
     "gradient",
     "hat_gradients",
     "inner_points",
@@ -82,6 +83,19 @@ def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
     element = np.where(element < 0, mesh.f2t[0, facets], element)
     right = is_in_front(mesh.p[:, corners], centroids_of(mesh, element))
     return np.where(right, corners, corners[[1, 0, *range(2, len(corners))]]).T
+
+
+def distances(x: Floats, corners: Floats) -> Floats:
+    # from points (d, n) to points (d, 1, n), segments (d, 2, n) or triangles (d, 3, n)
+    away = x - corners[:, 0]
+    if corners.shape[1] == 1:
+        return np.asarray(np.linalg.norm(away, axis=0))
+    sides = [distances(x, np.delete(corners, k, axis=1)) for k in range(corners.shape[1])]
+    edges = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0)
+    share = np.linalg.pinv(edges) @ away.T[:, :, None]
+    off_plane = np.linalg.norm(away.T - (edges @ share)[:, :, 0], axis=1)
+    above = np.all(share >= 0.0, axis=(1, 2)) & (share.sum(axis=(1, 2)) <= 1.0)
+    return np.where(above, off_plane, np.min(sides, axis=0))
 
 
 def quality(mesh: Mesh) -> Floats:

@@ -31,6 +31,7 @@ from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import CutBy, Flat, flat
 
 __all__ = [
+    "BESIDE",
     "COLOURS",
     "draw_edges",
     "draw_elements",
@@ -44,6 +45,11 @@ __all__ = [
 
 # Colours of Okabe and Ito that are visible on white, distinct for colour-blind readers; blue and vermilion first.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+
+BESIDE: dict[str, Any] = {
+    "loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0, "fontsize": "small", "frameon": False,
+}  # fmt: skip
+"""Keywords of a legend to the right of the axes."""
 
 # Blues without the dark end, so that black lines are visible on every shade.
 PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")

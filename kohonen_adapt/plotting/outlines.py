@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Texts
-from kohonen_adapt.display import counted, in_unit
+from kohonen_adapt.display import counted, in_unit, listed_numbers
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -23,13 +23,14 @@ from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.plotting.drawing import COLOURS, set_axes
+from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, set_axes
 
 __all__ = ["plot_outlines"]
 
 LABELLED = 0.08  # minimum size of a curve segment with a label, relative to the mesh
 ROOM = np.array([0.2, 0.05])  # minimum distance of labels in x and y, relative to the mesh
 STEP = np.deg2rad(2.0)  # angle between points drawn on a circle
+LISTED_RADII = 4  # maximum number of radii in the legend
 LISTED = 8  # maximum number of reasons in the legend
 # Colours of reasons, dark and away from the colours of curve segments; the last one is for all further reasons.
 REASON_COLOURS = ("#882255", "#117733", "#332288", "#999933", "#44aa99", "#cc6677", "#661100", "#6699cc", "#888888")
@@ -102,7 +103,7 @@ def plot_outlines(
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
         axes.plot([], [], color="0.8", linewidth=0.5, label=label)
     set_axes(axes, mesh, unit, ("r", "z") if axisymmetric else ("x", "y"))
-    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small", frameon=False)
+    axes.legend(**BESIDE)
     return axes
 
 
@@ -130,10 +131,11 @@ def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, uni
     lines = [in_unit(unit) * line for line in _lines_of(outline, facets)]
     with np.errstate(divide="ignore"):  # straight segments have no curvature
         radii = in_unit(unit) / np.abs(chains.curvature)
+    shown = listed_numbers(radii[recognised], LISTED_RADII)
     for mask, style, label in (
         (plain & outline.straight, "solid", "straight"),
         (plain & ~outline.straight & ~recognised, MIDSIDE_DASHES, "on a spline through midside nodes"),
-        (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle{_in_words(radii[recognised], unit)}"),
+        (recognised, (0, (4.0, 1.5)), f"recognised as arc or circle,\nradius {shown} {unit}".rstrip()),
         (curve_index & ~chains.paired, (0, (1.0, 1.0)), "on a given curve"),
         (chains.paired, (0, (6.0, 1.5, 1.0, 1.5)), "periodic, matched with another"),
     ):
@@ -162,13 +164,6 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
     fraction = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
     return np.split(outline.points_on(chain, fraction * chains.length[chain]), stop[:-1])
-
-
-def _in_words(radii: Floats, unit: str) -> str:
-    texts = list(dict.fromkeys(f"{radius:.4g}" for radius in np.sort(radii)))
-    if len(texts) > 4:
-        return f",\nradii from {texts[0]} to {texts[-1]} {unit}".rstrip()
-    return f",\nradius {', '.join(texts)} {unit}".rstrip() if texts else ""
 
 
 def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int, str]:

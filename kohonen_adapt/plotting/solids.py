@@ -24,7 +24,7 @@ from kohonen_adapt.mesh.measures import directed, unit_vectors
 from kohonen_adapt.mesh.names import labelled, named_sets
 from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
 from kohonen_adapt.plotting.charts import axes_of
-from kohonen_adapt.plotting.drawing import COLOURS, draw_edges, draw_elements, draw_outline
+from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, draw_edges, draw_elements, draw_outline
 
 __all__ = ["plot_slice", "plot_surface"]
 
@@ -259,10 +259,7 @@ def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, lis
 def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
     if any(labels):
         handles = [Patch(color=colour, label=text or "no name") for colour, text in zip(colours, labels, strict=True)]
-        axes.legend(
-            handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, fontsize="small",
-            frameon=False,
-        )  # fmt: skip
+        axes.legend(handles=handles, **BESIDE)
 
 
 def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:

@@ -319,7 +319,7 @@ def test_many_radii_are_a_range_and_short_chains_have_no_labels():
         p.append(mesh.p + [[k], [0.0]])
         t.append(mesh.t + 24 * k)
     drawing = plotting.plot_outlines(MeshTri(np.hstack(p), np.hstack(t)))
-    assert legend_of(drawing)[0] == "60 chains recognised as arc or circle,\nradii from 0.01 to 0.49 m"
+    assert legend_of(drawing)[0] == "60 chains recognised as arc or circle,\nradius 0.01 to 0.49 m"
     assert not drawing.texts
 
 

@@ -13,6 +13,7 @@ from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
 from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.locate import find_elements
+from kohonen_adapt.mesh.measures import distances
 
 __all__ = ["FluxDensityAt"]
 
@@ -90,20 +91,7 @@ def distance_to_jumps(field: Any, x: Floats, include_current: bool) -> float:
     facets = mesh.facets[:, (other < 0) | (kind[one] != kind[other])]
     if field.axisymmetric:
         facets = facets[:, ~field.symmetry.on_axis(mesh.p)[facets].all(axis=0)]
-    return float(distances(x, mesh.p[:, facets]).min(initial=np.inf))
-
-
-def distances(x: Floats, corners: Floats) -> Floats:
-    # from points (d, 1, n), segments (d, 2, n) or triangles (d, 3, n)
-    away = x[:, None] - corners[:, 0]
-    if corners.shape[1] == 1:
-        return np.asarray(np.linalg.norm(away, axis=0))
-    sides = [distances(x, np.delete(corners, k, axis=1)) for k in range(corners.shape[1])]
-    edges = np.moveaxis(corners[:, 1:] - corners[:, :1], 2, 0)
-    share = np.linalg.pinv(edges) @ away.T[:, :, None]
-    off_plane = np.linalg.norm(away.T - (edges @ share)[:, :, 0], axis=1)
-    above = np.all(share >= 0.0, axis=(1, 2)) & (share.sum(axis=(1, 2)) <= 1.0)
-    return np.where(above, off_plane, np.min(sides, axis=0))
+    return float(distances(x[:, None], mesh.p[:, facets]).min(initial=np.inf))
 
 
 @dataclass(frozen=True)
