@@ -75,7 +75,7 @@ def _add_relocate(commands: Any) -> None:
     )
     _add_limits(move)
     move.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the random numbers (default: 0)")
-    move.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    _add_quiet(move)
 
 
 def _add_limits(move: argparse.ArgumentParser) -> None:
@@ -171,7 +171,7 @@ def _add_run(commands: Any) -> None:
     _add_tolerances(run)
     run.add_argument("--force", action="store_true", help="overwrite the result of a run in the folder")
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh without solving or writing")
-    run.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    _add_quiet(run)
 
 
 def _add_sweep(commands: Any) -> None:
@@ -197,7 +197,11 @@ def _add_sweep(commands: Any) -> None:
     who.add_argument("--jobs", metavar="N", type=int, help="number of processes (default: one per core)")
     who.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster for the computation")
     _add_folder_or_resume(sweep, "folder of an interrupted sweep, to compute the rest")
-    sweep.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    _add_quiet(sweep)
+
+
+def _add_quiet(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
 
 
 def _add_tolerances(command: argparse.ArgumentParser) -> None:

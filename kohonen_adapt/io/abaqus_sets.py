@@ -36,11 +36,10 @@ def add_names(mesh: Any, text: str) -> list[str]:
         parts = zip(blocks, mesh.cells, strict=True)
         mesh.cell_sets[name] = [np.arange(len(block) if name == own else 0) for (own, _), block in parts]
     dimension = max((block.dim for block in mesh.cells), default=0)
-    sizes = [CORNERS.get(block.type) if block.dim == dimension else None for block in mesh.cells]
-    if None in [size for size, block in zip(sizes, mesh.cells, strict=True) if block.dim == dimension]:
+    top = [(k, CORNERS.get(block.type, 0)) for k, block in enumerate(mesh.cells) if block.dim == dimension]
+    if not all(size for _, size in top):
         mesh.side_sets = {}  # other elements are refused anyway
         return []
-    top = [(k, size) for k, size in enumerate(sizes) if size]
     corners = np.concatenate([np.asarray(mesh.cells[k].data, int)[:, :size] for k, size in top])
     numbers = np.concatenate([_numbers(blocks[k][1], mesh.cells[k].data.shape[1]) for k, _ in top])
     starts = np.cumsum([0, *(len(mesh.cells[k].data) for k, _ in top)])

@@ -31,14 +31,6 @@ SIGN_CHANGE = "sign"
 Columns = list[tuple[str, list[str]]]
 
 
-def change_of_output(before: float, after: float) -> float | None:
-    return 100.0 * (abs(after) - abs(before)) / abs(before) if before and not changes_sign(before, after) else None
-
-
-def changes_sign(before: float, after: float) -> bool:
-    return min(before, after) < 0.0 < max(before, after)
-
-
 def table_columns(history: Passes) -> list[Columns]:
     return [
         [("pass", [str(step.number) for step in history])],
@@ -126,8 +118,9 @@ def _columns_of_output(name: str, history: Passes) -> Columns:
 
 
 def _output_change(before: float, after: float) -> str:
-    change = change_of_output(before, after)
-    return f"{change:+.2f}" if change is not None else SIGN_CHANGE if changes_sign(before, after) else DASH
+    if min(before, after) < 0.0 < max(before, after):
+        return SIGN_CHANGE
+    return f"{100.0 * (abs(after) - abs(before)) / abs(before):+.2f}" if before else DASH
 
 
 def _work_columns(history: Passes) -> Columns:

@@ -1,10 +1,11 @@
 """Animations of the meshes of an adaptation, and of a map in training."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from io import BytesIO
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from PIL import Image
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import FilePath, Floats
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.passes import Pass
@@ -31,14 +32,7 @@ Frame = tuple[MeshTri, str]
 MOST = 60  # maximum number of frames, which include the first and the last
 HOLD = 1.6  # seconds added to the duration of the last frame, at least
 DOTS = 110  # per inch
-INCHES = 5.0  # longer side of the mesh
-
-
-@dataclass(frozen=True)
-class View:
-    plane: CutBy | None
-    unit: str
-    axisymmetric: bool = False
+INCHES, MARGIN = 5.0, 0.6  # longer side of the mesh, and the space for the axes
 
 
 def animate_passes(
@@ -75,7 +69,7 @@ def animate_passes(
         If the file cannot be written.
     """
     frames = [(step.mesh, f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}") for step in history]
-    _write(Path(path), frames, View(plane, unit, axisymmetric), seconds)
+    _write(Path(path), frames, {"plane": plane, "unit": unit, "axisymmetric": axisymmetric}, seconds)
 
 
 def animate_map(
@@ -128,7 +122,7 @@ def animate_map(
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
         if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
             break
-    _write(Path(path), frames, View(None, unit), seconds)
+    _write(Path(path), frames, {"plane": None, "unit": unit}, seconds)
     return tuple(errors)
 
 
@@ -139,7 +133,7 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
             yield f"radius {stage.radius}, rate {rate:.2g}", replace(schedule, stages=(one,))
 
 
-def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:
+def _write(path: Path, frames: Sequence[Frame], view: dict[str, Any], seconds: float) -> None:
     if not frames:
         raise ValueError("an animation needs a mesh at least; got none.")
     if not seconds > 0.0:
@@ -149,14 +143,14 @@ def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> N
         draft.write_bytes(_film([frames[k] for k in chosen.tolist()], view, seconds))
 
 
-def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
-    figure = Figure(
-        figsize=_page(np.ptp(flat(frames[0][0], view.plane).mesh.p, axis=1)), dpi=DOTS, layout="constrained"
-    )
+def _film(frames: Sequence[Frame], view: dict[str, Any], seconds: float) -> bytes:
+    size = np.ptp(flat(frames[0][0], view["plane"]).mesh.p, axis=1)
+    width, height = (INCHES * np.clip(size / size.max(), 0.4, 1.0) + MARGIN).tolist()
+    figure = Figure(figsize=(width, height), dpi=DOTS, layout="constrained")
     axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
     for mesh, title in frames:
         axes.clear()
-        draw_mesh(axes, mesh, plane=view.plane, unit=view.unit, axisymmetric=view.axisymmetric)
+        draw_mesh(axes, mesh, **view)
         axes.set_title(title, fontsize="medium")
         canvas.draw()
         pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
@@ -165,8 +159,3 @@ def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
     film = BytesIO()
     pictures[0].save(film, "GIF", save_all=True, append_images=pictures[1:], duration=stay, loop=0)
     return film.getvalue()
-
-
-def _page(size: Floats) -> tuple[float, float]:
-    width, height = INCHES * np.clip(size / size.max(), 0.4, 1.0)
-    return float(width) + 0.6, float(height) + 0.6

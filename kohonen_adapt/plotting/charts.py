@@ -245,7 +245,8 @@ def plot_density(
     """
     axes = axes_of(ax, height=5.0)
     shown = as_reals("density", density, {"nelements": mesh.nelements}) / in_unit(unit) ** len(mesh.p)
-    low, high = _scale_of(shown)
+    high = float(shown.max(initial=0.0)) or 1.0
+    low = max(float(shown.min(initial=high, where=shown > 0.0)), 10.0**-DECADES * high)
     norm = LogNorm(low, high) if low < high else Normalize(0.0, high)
     shades = draw_indicators(axes, mesh, shown, norm=norm, plane=plane, unit=unit, axisymmetric=axisymmetric)
     power, size = {2: ("²", "area"), 3: ("³", "volume")}[len(mesh.p)]
@@ -253,12 +254,6 @@ def plot_density(
     axes.figure.colorbar(shades, ax=axes, label=label, extend="min" if shown.min() < low < high else "neither")
     axes.set_title("Density of nodes asked for")
     return axes
-
-
-def _scale_of(density: Floats) -> tuple[float, float]:
-    high = float(density.max(initial=0.0)) or 1.0
-    low = float(density.min(initial=high, where=density > 0.0))
-    return max(low, 10.0**-DECADES * high), high
 
 
 def plot_bh(law: Law, ax: Axes | None = None) -> Axes:

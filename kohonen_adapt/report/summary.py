@@ -4,7 +4,7 @@ import platform
 import re
 from importlib.metadata import PackageNotFoundError, version
 
-from kohonen_adapt.display import by_error, counted
+from kohonen_adapt.display import counted
 from kohonen_adapt.kernels.threads import number_of_threads
 from kohonen_adapt.loop.figures import (
     GOAL,
@@ -16,7 +16,7 @@ from kohonen_adapt.loop.figures import (
     values_of,
 )
 from kohonen_adapt.loop.passes import Pass, Status
-from kohonen_adapt.loop.result import AdaptResult, change_of_output, changes_sign
+from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 
@@ -72,14 +72,13 @@ def _figures_of(name: str, step: Pass) -> list[tuple[str, str]]:
 def sentences(result: AdaptResult) -> list[str]:
     first, last = result.history[0], result.best
     relocations = sum(step.order == first.order for step in result.history[1:])  # not for a higher order at the end
-    text = [
+    return [
         f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
         f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
         f"{' of the energy norm' if are_in_percent((first, last)) else ''}{_share(first, last)}, with "
         f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
         *filter(None, [goal_sentence(last)]),
     ]
-    return text + [_of_output(name, first, last) for name in last.outputs]
 
 
 def _error(step: Pass, other: Pass) -> str:
@@ -94,29 +93,6 @@ def _share(first: Pass, last: Pass) -> str:
 
 def _from_to(first: int, last: int) -> str:
     return str(first) if first == last else f"{first} to {last}"
-
-
-def _of_output(name: str, first: Pass, last: Pass) -> str:
-    before, after = first.outputs[name], last.outputs[name]
-    error = last.output_errors.get(name)
-    shown = [f"{value:.5g}" if error is None else by_error(value, error) for value in (before, after)]
-    if last is first:
-        return f"{name} is {shown[1]}.{_error_of_output(name, last)}"
-    change, text = change_of_output(before, after), ""
-    if changes_sign(before, after):
-        text = ", so it changed its sign"
-    elif change is not None:
-        text = f", by {change:+.3g}\u00a0%{' in magnitude' if before < 0.0 else ''}"
-    return f"{name} went from {shown[0]} to {shown[1]}{text}.{_error_of_output(name, last)}"
-
-
-def _error_of_output(name: str, step: Pass) -> str:
-    found = values_of(step)[name]
-    if found.error is None:
-        return ""
-    percent = "" if found.relative_error is None else f" ({abs(found.relative_error):.2g}\u00a0%)"
-    _, error, near = found.texts()
-    return f" Its estimated error is {error}{percent}: the exact value is near {near}."
 
 
 def versions() -> dict[str, str]:
