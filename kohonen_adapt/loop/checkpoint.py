@@ -171,17 +171,15 @@ def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str
 
 
 def _text(value: Any, mesh: Mesh) -> str:
-    if value is None:
-        return "none"
-    if isinstance(value, GrowthByTolerance):  # the passes so far serve any tolerance
+    if value is None or isinstance(value, GrowthByTolerance):  # the passes so far serve any tolerance
         return "none"
     if isinstance(value, Growth):
         return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
     if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
         return _curve_digest(mesh, value)
-    if isinstance(value, Mapping) and all(callable(item) for item in value.values()):
-        return str(sorted(value))
     if isinstance(value, Mapping):
+        if all(callable(item) for item in value.values()):
+            return str(sorted(value))
         return str({name: _without_type(item) for name, item in sorted(value.items())})
     if isinstance(value, list | tuple | range | np.ndarray):
         return str([_without_type(item) for item in value])

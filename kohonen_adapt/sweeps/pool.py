@@ -5,7 +5,7 @@ import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import connection, get_context, parent_process
@@ -71,17 +71,15 @@ class LocalPool(Executor):
         check_count("the number of processes", count, 1)
         prepare()
         self._share = max(1, number_of_threads() // count)
-        self._tasks: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = SimpleQueue()
         self._lock, self._ended = threading.Lock(), False
         self._workers = [_Worker(self._share) for _ in range(count)]
-        self._threads = [threading.Thread(target=self._serve, args=(number,), daemon=True) for number in range(count)]
-        for thread in self._threads:
-            thread.start()
+        self._idle: SimpleQueue[int] = SimpleQueue()
+        for number in range(count):
+            self._idle.put(number)
+        self._threads = ThreadPoolExecutor(count)
 
     def submit(self, fn: Callable[..., Result], /, *args: Any, **kwargs: Any) -> "Future[Result]":
-        future: Future[Result] = Future()
-        self._tasks.put((future, partial(fn, *args, **kwargs)))
-        return future
+        return self._threads.submit(self._answer, partial(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Stop all processes at once, also in the middle of a task."""
@@ -89,22 +87,16 @@ class LocalPool(Executor):
             self._ended = True
             for worker in self._workers:
                 worker.process.kill()
-        for _ in self._threads:
-            self._tasks.put(None)
-        for thread in self._threads:
-            thread.join()
+        self._threads.shutdown(cancel_futures=True)
         for worker in self._workers:
             worker.process.join()
 
-    def _serve(self, number: int) -> None:
-        while (task := self._tasks.get()) is not None:
-            future, call = task
-            if self._ended or not future.set_running_or_notify_cancel():
-                continue
-            try:
-                future.set_result(self._living(number).answer(call))
-            except Exception as error:
-                future.set_exception(error)
+    def _answer(self, call: Callable[[], Any]) -> Any:
+        number = self._idle.get()
+        try:
+            return self._living(number).answer(call)
+        finally:
+            self._idle.put(number)
 
     def _living(self, number: int) -> "_Worker":
         with self._lock:
