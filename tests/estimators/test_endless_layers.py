@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, MeshTri, condense, solve
-from skfem.helpers import dot, grad
+from helpers.linear_problems import assembled, solved
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.estimators.discrete_flux import discrete_flux
 from kohonen_adapt.estimators.endless_layers import System, missing_square
-
-
-@BilinearForm
-def slopes(u, v, w):
-    return w.nu * dot(grad(u), grad(v))
 
 
 def disk_of_sectors(angles, closed, sides=3):
@@ -32,13 +27,8 @@ def disk_of_sectors(angles, closed, sides=3):
 
 
 def minimum(mesh, nu, fixed, values, source, flux):
-    basis = Basis(mesh, ElementTriP1())
-    hats = np.stack([np.asarray(each[0].grad)[:, :, 0] for each in basis.basis])
-    size = basis.dx.sum(axis=1)
-    terms = size * (source / 3.0 + np.einsum("ck,ick->ik", flux, hats))
-    load = np.bincount(mesh.t.ravel(), terms.ravel(), mesh.p.shape[1])
-    matrix = slopes.assemble(basis, nu=basis.with_element(ElementTriP0()).interpolate(nu))
-    u = solve(*condense(matrix, load, x=values, D=np.flatnonzero(fixed)))
+    matrix, load = assembled(mesh, nu, np.full(nu.size, source), flux)
+    u = solved(matrix, load, values, fixed)
     return u, 0.5 * u @ matrix @ u - load @ u
 
 

@@ -3,29 +3,15 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
+from helpers.linear_problems import assembled, basis_of, solved
 from helpers.meshes import generic_square
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from skfem import (
-    Basis,
-    BilinearForm,
-    ElementTriP1,
-    ElementTriP2,
-    ElementTriP3,
-    ElementTriP4,
-    LinearForm,
-    MeshTri,
-    MeshTri2,
-    condense,
-    solve,
-)
-from skfem.helpers import dot, grad
+from skfem import MeshTri, MeshTri2
 
 from kohonen_adapt.estimators import goal_error, goal_oriented
 from kohonen_adapt.mesh.curved import refined
-
-KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 
 
 def bent_square(n, seed):
@@ -44,21 +30,12 @@ class Pair:
         self.mesh, self.order, self.nu = mesh, order, 10 ** rng.uniform(-1, 0, count)
         self.primal, self.dual = ((rng.normal(size=count), rng.normal(size=(2, 3, count))) for _ in range(2))
 
-    def basis(self, order):
-        return Basis(self.mesh, KINDS[order](), intorder=12)
-
-    def load(self, basis, data):
-        share = np.vstack((1.0 - basis.X.sum(axis=0), basis.X))
-        form = LinearForm(lambda v, w: w.f * v + dot(w.g, grad(v)))
-        return form.assemble(basis, f=data[0][:, None], g=np.einsum("cik,iq->ckq", data[1], share))
-
     def solved(self, data, order):
-        basis = self.basis(order)
-        matrix = BilinearForm(lambda u, v, w: w.nu * dot(grad(u), grad(v))).assemble(basis, nu=self.nu[:, None])
-        return solve(*condense(matrix, self.load(basis, data), D=basis.get_dofs()))
+        matrix, load = assembled(self.mesh, self.nu, *data, order)
+        return solved(matrix, load, np.zeros(load.size), basis_of(self.mesh, order).get_dofs().flatten())
 
     def goal(self, order):
-        return self.load(self.basis(order), self.dual) @ self.solved(self.primal, order)
+        return assembled(self.mesh, self.nu, *self.dual, order)[1] @ self.solved(self.primal, order)
 
     def arguments(self, factor=1.0):
         one, other = self.solved(self.primal, self.order), factor * self.solved(self.dual, self.order)
@@ -111,10 +88,9 @@ def value(mesh, order):
     """-div grad u = 1 with u = 0 on both arcs, and J(u) = int u: J(u_h), its estimated error, and the bound of that."""
     outer = mesh.boundary_facets()
     arcs = outer[np.all(mesh.p[:, mesh.nvertices + outer] > 1e-9, axis=0)]
-    one, basis = np.ones(mesh.t.shape[1]), Basis(mesh, KINDS[order]())
-    matrix = BilinearForm(lambda u, v, _: dot(grad(u), grad(v))).assemble(basis)
-    load = LinearForm(lambda v, _: 1.0 * v).assemble(basis)
-    u = solve(*condense(matrix, load, D=basis.get_dofs(arcs)))
+    one = np.ones(mesh.t.shape[1])
+    matrix, load = assembled(mesh, one, one, np.zeros((2, one.size)), order)
+    u = solved(matrix, load, np.zeros(load.size), basis_of(mesh, order).get_dofs(arcs).flatten())
     values, data = (mesh, u, u, one), {"source": one, "dual_source": one}
     error = goal_error(*values, **data, fixed=np.isin(np.arange(mesh.nvertices), mesh.facets[:, arcs]))
     return load @ u, error, np.sum(goal_oriented(*values, **data) ** 2)

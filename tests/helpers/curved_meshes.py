@@ -1,26 +1,20 @@
 """A mesh between circles, and Gmsh files of second order written by hand."""
 
 import numpy as np
-from skfem import MeshTri, MeshTri2
+from skfem import MeshTri2
+
+from helpers.meshes import circle, closed, shells, with_lines
 
 RADII = {"inner": 0.5, "interface": 1.0, "outer": 1.5}
 
 
 def annulus(count):
     """Two rings of `count` times two triangles around a hole: three circles and a straight spoke as boundaries."""
-    angle = np.arange(count) * 2.0 * np.pi / count
-    p = np.concatenate([radius * np.stack([np.cos(angle), np.sin(angle)]) for radius in RADII.values()], axis=1)
-    node = np.arange(2 * count)
-    following = np.where((node + 1) % count, node + 1, node + 1 - count)
-    t = np.concatenate(
-        [np.stack([node, following, node + count]), np.stack([following, following + count, node + count])], axis=1
-    )
-    mesh = MeshTri(p, t)
-    ring = np.sort(mesh.facets // count, axis=0)
-    named = {name: np.flatnonzero((ring[0] == k) & (ring[1] == k)) for k, name in enumerate(RADII)}
-    named["spoke"] = np.flatnonzero(np.all(mesh.facets % count == 0, axis=0))
-    core = np.flatnonzero(np.any(mesh.t < count, axis=0))
-    return MeshTri(p, t, named, {"core": core, "shell": np.setdiff1d(np.arange(t.shape[1]), core)})
+    mesh = shells([radius * circle(count) for radius in RADII.values()], 1)
+    lines = {name: closed(np.arange(k * count, (k + 1) * count)) for k, name in enumerate(RADII)}
+    core = np.any(mesh.t < count, axis=0)
+    mesh = with_lines(mesh, lines | {"spoke": count * np.arange(3)})
+    return mesh.with_subdomains({"core": np.flatnonzero(core), "shell": np.flatnonzero(~core)})
 
 
 def on_circles(mesh, facets):

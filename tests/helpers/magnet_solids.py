@@ -89,3 +89,16 @@ def bar():
     inside = np.hypot(*mesh.p[:2, mesh.t].mean(axis=1)) < 0.5
     mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x[:2]) > 0.9})
     return mesh.with_subdomains({"ball": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
+
+
+CUBOIDS = {
+    "a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)),
+    "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020)),
+}
+MARKS = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
+
+
+def cuboids(step, far=0.06, layers=None):
+    """Two cuboids in air."""
+    layers = layers or max(2, round(0.011 / step))
+    return blocks([graded(each, step, far, layers) for each in MARKS], CUBOIDS)

@@ -34,11 +34,16 @@ def without_flat_elements(p, t):
 
 def disk(rings, radius):
     """A disk of `rings` rings of 6 k nodes."""
+    return disk_of(radius * np.arange(1, rings + 1) / rings)
+
+
+def disk_of(radii):
+    """A disk with 6 k nodes on the k-th of its circles."""
+    rings = len(radii)
     first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
     points, elements = [np.zeros((2, 1))], []
     for k in range(1, rings + 1):
-        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        points.append(radius * k / rings * np.stack((np.cos(angle), np.sin(angle))))
+        points.append(radii[k - 1] * circle(6 * k))
         side, step = np.divmod(np.arange(6 * k), k)
         out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
         inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)

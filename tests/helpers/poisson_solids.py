@@ -1,10 +1,11 @@
 """Poisson's equation on tetrahedra, to be adapted: on a cube and on the Fichera corner, whose energies are known."""
 
 import numpy as np
-from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet, condense, solve
+from skfem import Basis, ElementTetP1, ElementTetP2, condense, solve
 from skfem.models.poisson import laplace, unit_load
 
 from helpers.solids import box
+from helpers.tetrahedra import fichera as octant_removed
 from kohonen_adapt import Ritz
 from kohonen_adapt.estimators import residual
 
@@ -55,9 +56,7 @@ class Minimised(Poisson):
 
 def fichera(n=3):
     """(-1, 1)^3 without the octant where all is positive, in so many cubes per unit, faces at the corner named."""
-    cube = MeshTet.init_tensor(*[np.linspace(-1, 1, 2 * n + 1)] * 3)
-    mesh = cube.remove_elements(np.flatnonzero(np.all(cube.p[:, cube.t].mean(axis=1) > 0, axis=0)))
-    return mesh.with_boundaries({"corner": lambda x: np.all(x > -1e-9, axis=0)})
+    return octant_removed(n).with_boundaries({"corner": lambda x: np.all(x > -1e-9, axis=0)})
 
 
 def cube(n=5):

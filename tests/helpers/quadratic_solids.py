@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, condense, solve
+from skfem import Basis, BilinearForm, ElementTetP2, LinearForm, condense
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
@@ -84,21 +84,7 @@ class NonlinearQuadratic(QuadraticDiffusion):
         return replace(super().ritz(mesh, solution), laws=self.laws, shift=self.shift)
 
     def solve(self, mesh):
-        u, fixed = self.ends(mesh)
-        residual, matrix = self.equations(mesh, u)
-        size = np.inf
-        for _ in range(60):
-            step = solve(*condense(matrix, -residual, D=np.flatnonzero(fixed)))
-            share, size = 1.0, np.linalg.norm(residual[~fixed])
-            while share > 1e-3:
-                after, matrix = self.equations(mesh, u + share * step)
-                if np.linalg.norm(after[~fixed]) < size:
-                    break
-                share *= 0.5
-            if not np.linalg.norm(after[~fixed]) < (1.0 - 1e-9) * size:
-                break
-            u, residual = u + share * step, after
-        return u
+        return Diffusion.solve(self, mesh)
 
     def equations(self, mesh, u):
         """First and second derivatives of the functional."""

@@ -7,6 +7,7 @@ from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri, Mesh
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material
+from kohonen_adapt.mesh.curved import refined
 
 KINDS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3}
 CURVE = ((0.0, 0.0), (0.2, 60.0), (0.6, 110.0), (1.0, 190.0), (1.4, 600.0), (1.6, 2.5e3), (1.8, 9e3), (2.3, 1.5e5))
@@ -100,15 +101,7 @@ def divided(mesh: MeshTri) -> MeshTri:
     """Return the mesh with every element cut in four, curved ones as images of the parts of the reference element."""
     if not isinstance(mesh, MeshTri2):
         return mesh.refined()
-    straight = MeshTri(mesh.p[:, : mesh.nvertices], mesh.t)
-    straight = straight.with_subdomains(mesh.subdomains).with_boundaries(mesh.boundaries)
-    fine, parent = straight.refined(), np.tile(np.arange(mesh.t.shape[1]), 4)
-    corner = straight.mapping().invF(np.moveaxis(fine.p[:, fine.t], 1, 2), tind=parent)
-    middle = 0.5 * (corner + np.roll(corner, -1, axis=2))  # of sides as scikit-fem numbers them
-    places = np.empty((2, fine.nvertices + fine.facets.shape[1]))
-    for at, node in ((corner, fine.t), (middle, fine.nvertices + fine.t2f)):
-        places[:, node.T] = mesh.mapping().F(at, tind=parent)
-    return MeshTri2(places, fine.t).with_subdomains(fine.subdomains).with_boundaries(fine.boundaries)
+    return refined(mesh).with_boundaries({"outer": lambda x: np.ones(x.shape[1], dtype=bool)})
 
 
 def by_degree(mesh: MeshTri, ritz: ka.Ritz, degree: int = FINE) -> float:

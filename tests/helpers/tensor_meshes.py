@@ -3,6 +3,8 @@
 import numpy as np
 from skfem import MeshTri
 
+from helpers.meshes import disk_of
+
 
 def everywhere(x):
     return np.ones(x.shape[1], dtype=bool)
@@ -20,19 +22,7 @@ def box(xs, ys, parts):
 
 def disk(radii, parts):
     """A disk with 6 k nodes on the k-th of its circles; `parts`: name to the circle it reaches to, from the inside."""
-    rings = len(radii)
-    first = np.cumsum([0, 1, *(6 * k for k in range(1, rings + 1))])
-    points, elements = [np.zeros((2, 1))], []
-    for k in range(1, rings + 1):
-        angle = 2 * np.pi * np.arange(6 * k) / (6 * k)
-        points.append(radii[k - 1] * np.stack((np.cos(angle), np.sin(angle))))
-        side, step = np.divmod(np.arange(6 * k), k)
-        out, follower = first[k] + np.arange(6 * k), first[k] + np.arange(1, 6 * k + 1) % (6 * k)
-        inside = first[k - 1] + (side * (k - 1) + step) % max(6 * (k - 1), 1)
-        more = step < k - 1
-        after = first[k - 1] + (side * (k - 1) + step + 1) % max(6 * (k - 1), 1)
-        elements += [(out, follower, inside), (inside[more], after[more], follower[more])]
-    mesh = MeshTri(np.hstack(points), np.hstack([np.stack(part) for part in elements]))
+    rings, mesh = len(radii), disk_of(radii)
     mesh = mesh.with_boundaries({"outer": everywhere}, boundaries_only=True)
     ring = np.repeat(np.arange(rings + 1), [1, *(6 * np.arange(1, rings + 1))])[mesh.t].max(axis=0)
     ends = [0, *parts.values()]
