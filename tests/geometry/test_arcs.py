@@ -2,7 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import area_of, circle, closed, peak, ring, shells, square, with_lines
+from helpers.examples import examples
+from helpers.meshes import circle, closed, peak, ring, shells, square, with_lines
+from helpers.own_curves import Ellipse
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
@@ -30,25 +34,6 @@ def circles(mesh, **options):
     return rows[np.lexsort(np.round(rows, 6).T)]
 
 
-def rounded_square(fillet, side, half=1.0, radius=0.4):
-    """Points of a square with rounded corners, so many facets on every fillet and straight side, (2, n)."""
-    quarter = 0.5 * np.pi * np.arange(fillet) / fillet
-    arc = half - radius + radius * np.stack([np.cos(quarter), np.sin(quarter)])
-    straight = np.stack([(half - radius) * (1 - 2 * np.arange(side) / side), np.full(side, half)])
-    points = np.hstack([arc, straight])
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    return np.hstack([np.linalg.matrix_power(turn, k) @ points for k in range(4)])
-
-
-def stadium(arc, side):
-    """Points of two half circles of radius 1 about (1, 0) and (-1, 0) and the lines between them, (2, n)."""
-    angle = np.pi * np.arange(arc) / arc - 0.5 * np.pi
-    half = np.hstack(
-        [np.stack([1 + np.cos(angle), np.sin(angle)]), np.stack([1 - 2 * np.arange(side) / side, np.ones(side)])]
-    )
-    return np.hstack([half, -half])
-
-
 def strip(along, layers=3):
     """A mesh between a curve, points (2, n) named curve, and the same curve moved by (0, 1)."""
     n = along.shape[1]
@@ -72,44 +57,58 @@ def sector(n, layers, angle=HUNDRED):
 # --- what is recognised ---
 
 
-@pytest.mark.parametrize(("n", "unit"), [(12, 1.0), (13, 2.0**20), (24, 1.0), (100, 2.0**-20), (1000, 1.0)])
-def test_circles_are_recognised(n, unit):
-    found = circles(ring(n, 1).scaled(unit)) / [unit, unit, unit, 1.0]
-    assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-13)
-    kind = outline_of(ring(n, 1)).constraints.kind
-    assert np.all(kind == SLIDING)
+def rounded(corner, radius, fillet, side):
+    """A convex polygon (n,) of complex numbers as points, and the rounded corners' centres.
+
+    Every corner has a radius, 0 for a sharp one, and so many facets on its fillet and on the side after it.
+    """
+    points, centres = [], []
+    way = np.roll(corner, -1) - corner
+    way /= np.abs(way)
+    turn = np.angle(way / np.roll(way, 1))
+    cut = radius * np.tan(turn / 2)
+    for k, after in enumerate(np.roll(np.arange(len(corner)), -1)):
+        centres.append(corner[k] + (cut[k] + 1j * radius[k]) * way[k])
+        angle = turn[k] * (np.arange(fillet[k]) / fillet[k] - 1.0)
+        start, end = corner[k] + cut[k] * way[k], corner[after] - cut[after] * way[k]
+        points += [centres[k] - 1j * radius[k] * way[k] * np.exp(1j * angle)] * bool(radius[k])
+        points.append(start + (end - start) * np.arange(side[k]) / side[k])
+    return np.concatenate(points), np.array(centres)
 
 
-@pytest.mark.parametrize("n", [5, 20, 300])
-@pytest.mark.parametrize("way", [1, -1])
-def test_arcs_that_turn_either_way_are_recognised(n, way):
-    mesh = sector(n, 2)
-    mesh = MeshTri(mesh.p, mesh.t) if way == 1 else MeshTri(mesh.p[:, ::-1], mesh.p.shape[1] - 1 - mesh.t)
-    assert_allclose(circles(mesh), [[0, 0, 0.5, 0], [0, 0, 1, 0]], atol=1e-12)
-    kind = outline_of(mesh).constraints.kind
-    assert np.sum(kind == HELD) == 4
+@st.composite
+def drawings(draw):
+    """Corners of a polygon around the origin, and radii and numbers of facets as `rounded` takes them."""
+    count = draw(st.integers(3, 7))
+    rows = [st.sampled_from([0.0, 0.1, 0.15, 0.2]), st.integers(5, 20), st.integers(1, 20)]
+    columns = [draw(st.lists(each, min_size=count, max_size=count)) for each in rows]
+    return np.exp(2j * np.pi * np.arange(count) / count), *map(np.array, columns)
 
 
-@pytest.mark.parametrize(("fillet", "side"), [(5, 1), (5, 7), (6, 2), (30, 3), (5, 100)])
-def test_fillets_between_straight_sides_end_where_the_sides_begin(fillet, side):
-    outer = rounded_square(fillet, side)
-    mesh = shells([0.5 * circle(outer.shape[1], np.arctan2(0, 1)), outer], 2)
-    found = [row for row in circles(mesh) if not row[3]]
-    expected = [[x, y, 0.4, 0] for x, y in ((-0.6, -0.6), (0.6, -0.6), (-0.6, 0.6), (0.6, 0.6))]
-    assert_allclose(sorted(map(list, np.round(found, 12))), sorted(expected), atol=1e-12)
-    kind = outline_of(mesh).constraints.kind
-    held = mesh.p[:, kind == HELD]
-    breaks = {(s * a, t * b) for a, b in ((1.0, 0.6), (0.6, 1.0)) for s in (-1, 1) for t in (-1, 1)}
-    assert {tuple(x) for x in np.round(held.T, 12).tolist()} == breaks
-
-
-@pytest.mark.parametrize(("arc", "side"), [(6, 1), (6, 5), (40, 12)])
-def test_a_stadium_is_two_half_circles_and_two_lines(arc, side):
-    outer = stadium(arc, side)
-    mesh = shells([0.5 * outer, outer], 2)
+@examples(40)
+@given(drawings(), st.integers(-20, 20), st.integers(0, 2**32 - 1))
+def test_a_drawing_of_lines_and_arcs_is_recognised_as_drawn(drawing, power, seed):
+    """Whatever the numbers of its nodes, its size, its place and the way round that arcs are seen."""
+    rng = np.random.default_rng(seed)
+    corner, radius, fillet, side = drawing
+    number, unit, turn = rng.permutation(len(corner)), 2.0**power, np.exp(1j * seed)
+    place = turn * (number[0] + 2j)
+    points, centres = rounded(corner, radius, fillet, side)
+    rows = [scale * np.stack([points.real, points.imag]) for scale in (0.5, 1.0)]
+    plain = shells(rows, 2)
+    z = unit * (place + turn * (plain.p[0] + 1j * plain.p[1]))
+    order = rng.permutation(len(z))
+    mesh = MeshTri(np.stack([z.real, z.imag])[:, order], np.argsort(order)[plain.t])
+    is_round = radius > 0.0
+    drawn = [unit * np.append(place + turn * scale * c, scale * r) for scale in (0.5, 1.0)
+             for c, r in zip(centres[is_round], radius[is_round], strict=True)]  # fmt: skip
+    drawn = np.array(drawn).reshape(-1, 2)
     found = circles(mesh)
-    assert_allclose(sorted(found[:, 2]), [0.5, 0.5, 1, 1], rtol=1e-12)
-    assert np.sum(outline_of(mesh).constraints.kind == HELD) == 8
+    found = found[np.lexsort(np.round(found[:, 2::-1] / unit, 6).T)]
+    wanted = np.column_stack([drawn[:, 0].real, drawn[:, 0].imag, drawn[:, 1].real, np.zeros(len(drawn))])
+    wanted = wanted[np.lexsort(np.round(wanted[:, 2::-1] / unit, 6).T)]
+    assert_allclose(found, wanted, atol=1e-11 * unit)
+    assert np.sum(outline_of(mesh).constraints.kind == HELD) == 2 * (len(corner) + is_round.sum())
 
 
 @pytest.mark.parametrize("n", [12, 40])
@@ -136,9 +135,8 @@ def arkkio(n, oriented):
 
 
 @pytest.mark.parametrize("oriented", [False, True])
-@pytest.mark.parametrize("n", [16, 60])
-def test_interfaces_and_named_lines_inside_a_region_are_recognised(n, oriented):
-    found = circles(arkkio(n, oriented))
+def test_interfaces_and_named_lines_inside_a_region_are_recognised(oriented):
+    found = circles(arkkio(16, oriented))
     assert_allclose(sorted(found[:, 2]), [0.3, 0.5, 0.55, 0.6, 1], rtol=1e-12)
     assert np.all(found[:, 3] == 1)
     assert_allclose(found[:, :2], 0, atol=1e-13)
@@ -149,18 +147,9 @@ def with_noise(mesh, share, seed=0):
     return MeshTri(mesh.p * (1 + share * np.random.default_rng(seed).uniform(-1, 1, mesh.p.shape[1])), mesh.t)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [12, 40, 200])
-@pytest.mark.parametrize("seed", range(3))
-def test_nodes_within_a_thousandth_of_a_circle_are_taken_for_it_and_put_on_it(n, seed):
-    layers = max(2, n // 8)
-    mesh = with_noise(ring(n, layers), 6e-4, seed)
-    found = circles(mesh)
-    assert_allclose(found, [[0, 0, 0.5, 1], [0, 0, 1, 1]], atol=1e-3)
-    result = ka.relocate(mesh, peak(mesh, 0.7, 0.3))
-    for (x, y, radius, _), nodes in zip(found, (slice(0, n), slice(n * layers, None)), strict=True):
-        assert np.abs(np.hypot(*(result.p[:, nodes] - [[x], [y]])) - radius).max() < 1e-12
-    assert len(circles(with_noise(ring(n, 2), 5e-3, seed))) == 0
+@pytest.mark.parametrize(("noise", "arcs"), [(6e-4, 2), (5e-3, 0)])
+def test_nodes_within_a_thousandth_of_a_circle_are_taken_for_it(noise, arcs):
+    assert all(len(circles(with_noise(ring(n, 2), noise, seed))) == arcs for n in (12, 40, 200) for seed in range(3))
 
 
 def test_what_was_recognised_is_in_the_log(caplog):
@@ -229,22 +218,6 @@ def wanderer(mesh, number):
 # --- given curves ---
 
 
-class Ellipse:
-    """(a cos t, b sin t): the nearest point by Newton's method in t."""
-
-    def __init__(self, a, b):
-        self.axes = np.array([[a], [b]])
-
-    def project(self, x):
-        t, (a, b) = np.arctan2(x[1] / self.axes[1], x[0] / self.axes[0]), self.axes[:, 0]
-        for _ in range(30):
-            sine, cosine = np.sin(t), np.cos(t)
-            rate = (b**2 - a**2) * sine * cosine + a * x[0] * sine - b * x[1] * cosine
-            change = (b**2 - a**2) * (cosine**2 - sine**2) + a * x[0] * cosine + b * x[1] * sine
-            t = t - rate / change
-        return self.axes * np.stack([np.cos(t), np.sin(t)])
-
-
 class Wave:
     """y = 0.1 sin(6 x)."""
 
@@ -311,33 +284,6 @@ def test_after_any_number_of_calls_nodes_are_on_the_curve_that_was_given(kind, t
     assert seen >= 6
 
 
-@TOPOLOGIES
-def test_an_ellipse_loses_its_sagittas_only(topology):
-    """The affine map that makes it a circle tells which area each facet cuts off."""
-    build, curves_for = GIVEN["ellipses"]
-    mesh = build()
-    for number in range(2):
-        mesh = ka.relocate(mesh, wanderer(mesh, number), topology=topology, seed=number, curves=curves_for(mesh))
-    exact = 0.0
-    for name, a, sign in (("outer", 2.0, 1), ("inner", 1.0, -1)):
-        ends = mesh.p[:, mesh.facets[:, mesh.boundaries[name]]] / np.array([a, a / 2])[:, None, None]
-        (x, u), (y, v) = ends
-        span = np.abs(np.arctan2(x * v - y * u, x * u + y * v))
-        assert span.sum() == pytest.approx(2 * np.pi, rel=1e-12)
-        exact += sign * 0.25 * a**2 * np.sum(np.sin(span))
-    assert area_of(mesh) == pytest.approx(exact, rel=1e-12)
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_straight_curve_of_ones_own_is_as_good_as_a_line():
-    mesh = square(8).with_boundaries({"floor": lambda x: x[1] == 0.0})
-    own = ka.relocate(mesh, peak(mesh, 0.3, 0.0), curves={"floor": Answer(lambda x: x * [[1.0], [0.0]])})
-    plain = ka.relocate(mesh, peak(mesh, 0.3, 0.0))
-    assert np.all(own.p[1, own.facets[:, own.boundaries["floor"]]] == 0.0)
-    assert ka.quality(own).mean() == pytest.approx(ka.quality(plain).mean(), rel=0.05)
-    assert len(own.boundaries["floor"]) >= len(mesh.boundaries["floor"])
-
-
 class Answer:
     """A curve that answers what it is told to."""
 
@@ -378,10 +324,6 @@ def test_a_corner_of_a_given_curve_is_held_and_divides_it():
             r"got shape \(2, 24\), 0 coordinates not finite\.",
         ),
         (
-            {"outer": Answer(lambda x: x.T)},
-            r"must return finite points of shape \(2, 25\); got shape \(25, 2\), 0 coordinates not finite\.",
-        ),
-        (
             {"outer": Answer(lambda x: np.where(x[0] > 0.5, np.nan, x))},
             r"must return finite points of shape \(2, 25\); got shape \(2, 25\), 20 coordinates not finite\.",
         ),
@@ -389,11 +331,6 @@ def test_a_corner_of_a_given_curve_is_held_and_divides_it():
             {"outer": ka.Arc((0, 0), 1.1)},
             r"the nodes of boundary 'outer' must lie on the curve given for it, within 0\.001 of its size, 2 "
             r"in units of the mesh; the one at \(.*, .*\) is 0\.1 away\.",
-        ),
-        (
-            {"inner": ka.Line((0, 0), (1, 0))},
-            r"the nodes of boundary 'inner' must lie on the curve given for it, within 0\.001 of its size, 1 "
-            r"in units of the mesh; the one at \(.*, .*\) is 0\.5 away\.",
         ),
         (
             {"outer": Answer(lambda x: np.round(x, 3))},
@@ -414,16 +351,3 @@ def test_two_curves_for_the_same_facets_are_refused():
     curve = ka.Arc((0.0, 0.0), 1.0)
     with pytest.raises(ValueError, match="boundaries 'outer' and 'part' share facets, so they cannot both"):
         KohonenMap(mesh, curves={"outer": curve, "part": curve})
-
-
-@pytest.mark.parametrize("n", [6, 8, 10])
-def test_a_given_circle_may_be_coarse(n):
-    """Its facets turn too much for one to be recognised; given, its nodes slide."""
-    mesh = ring(n, 3)
-    assert np.sum(outline_of(mesh).constraints.kind == SLIDING) == 0
-    curves = {"outer": ka.Arc((0.0, 0.0), 1.0)}
-    result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5), curves=curves, min_quality=0.1)
-    rim = np.unique(result.facets[:, result.boundaries["outer"]])
-    assert_allclose(np.hypot(*result.p[:, rim]), 1.0, atol=1e-15)
-    assert np.any(result.p[:, rim] != mesh.p[:, rim])
-    assert len(rim) == n

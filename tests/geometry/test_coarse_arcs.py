@@ -6,10 +6,9 @@ from helpers.meshes import circle, shells
 from helpers.tensor_meshes import sector
 from numpy.testing import assert_allclose
 from skfem import MeshTri
-from test_arcs import circles, outline_of
+from test_arcs import circles
 
 import kohonen_adapt as ka
-from kohonen_adapt.kernels.triangle.arrays import ROUND
 
 EIGHTH = np.pi / 4
 
@@ -70,27 +69,3 @@ def test_a_chamfer_of_three_facets_is_no_arc():
     corners = [np.linalg.matrix_power([[0, -1], [1, 0]], k) @ fillet for k in range(4)]
     rows = np.concatenate(corners, axis=1)
     assert len(circles(shells([0.5 * rows, rows], 3))) == 0
-
-
-def polygon(sides, cuts, begin=0.0):
-    """The corners of a regular polygon, its sides cut into parts."""
-    corner = circle(sides, begin)
-    share = np.arange(cuts) / cuts
-    return np.concatenate(
-        [corner[:, [k]] * (1 - share) + corner[:, [(k + 1) % sides]] * share for k in range(sides)], 1
-    )
-
-
-@pytest.mark.parametrize(("sides", "cuts"), [(3, 8), (4, 1), (4, 6), (5, 1), (6, 1), (6, 4), (8, 1), (8, 3), (10, 1)])
-def test_polygons_in_a_round_yoke_stay_polygons(sides, cuts):
-    """Square and hexagonal magnets, their corners on a circle that has the centre of the yoke."""
-    count = sides * cuts
-    mesh = shells([0.2 * polygon(sides, cuts), 0.5 * polygon(sides, cuts), circle(count)], 2)
-    radius = np.hypot(*mesh.p)
-    inside = np.arange(mesh.p.shape[1]) <= 3 * count - 1
-    magnet = inside[mesh.t].all(axis=0)
-    mesh = mesh.with_subdomains({"magnet": np.flatnonzero(magnet), "yoke": np.flatnonzero(~magnet)})
-    chains = outline_of(mesh).constraints.chains
-    found = 1.0 / np.abs(chains.curvature[chains.shape == ROUND])
-    assert np.all(found > 0.99) and len(found) == (count > 10)
-    assert radius.max() == pytest.approx(1.0)

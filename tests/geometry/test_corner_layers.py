@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.curved_meshes import annulus, curved_annulus, on_circles, with_midsides
+from helpers.curved_meshes import curved_annulus, on_circles, with_midsides
+from helpers.meshes import apart, ring
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshTri, MeshTri2
+from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
@@ -45,17 +46,6 @@ def test_sides_shrink_by_the_factor():
     assert_allclose(distance[:4], [0.0, *(0.25 * 0.2**k for k in (3, 2, 1))], atol=1e-12)
 
 
-def test_new_nodes_lie_on_arcs():
-    mesh = curved_annulus(24)
-    finer = ka.refined_at(mesh, [24, 25, 31])
-    assert isinstance(finer, MeshTri2)
-    assert exact_area(finer).sum() == pytest.approx(2.0 * np.pi, rel=1e-13)
-    rim = finer.boundaries["interface"]
-    midsides = finer.p[:, finer.nvertices + rim]
-    assert_allclose(np.hypot(*finer.p[:, finer.facets[:, rim]]), 1.0, rtol=1e-14)
-    assert_allclose(np.hypot(*midsides), 1.0, rtol=1e-14)
-
-
 @pytest.mark.parametrize(("count", "layers"), [(8, 1), (9, 3)])
 def test_layers_at_every_node_of_coarse_arcs(count, layers):
     mesh = curved_annulus(count)
@@ -68,27 +58,12 @@ def test_layers_at_every_node_of_coarse_arcs(count, layers):
             assert own == pytest.approx(exact_area(mesh)[rows].sum(), rel=1e-13)
 
 
-def cut_annulus(count):
-    # its two rings with circles of their own between them
-    whole = annulus(count)
-    t, radius = whole.t.copy(), np.hypot(*whole.p)
-    on = np.flatnonzero(np.abs(radius - 1.0) < 1e-9)
-    copy = np.arange(whole.nvertices)
-    copy[on] = whole.nvertices + np.arange(on.size)
-    outside = np.hypot(*whole.p[:, whole.t].mean(axis=1)) > 1.0
-    t[:, outside] = copy[t[:, outside]]
-    mesh = MeshTri(np.hstack([whole.p, whole.p[:, on]]), t)
-    facets = mesh.boundary_facets()
-    names = {"rotor": on, "bore": copy[on]}
-    sides = {name: facets[np.isin(mesh.facets[:, facets], own).all(axis=0)] for name, own in names.items()}
-    return with_midsides(mesh.with_boundaries(sides), on_circles)
-
-
 def test_halves_of_curved_sides_stay_pairs():
-    mesh = cut_annulus(8)
-    rotor = np.unique(mesh.facets[:, mesh.boundaries["rotor"]])
-    finer = ka.refined_at(mesh, rotor[:2], periodic=[("rotor", "bore", ka.Rotation(0.0))])
-    one, other = (finer.p[:, np.unique(finer.facets[:, finer.boundaries[name]])] for name in ("rotor", "bore"))
+    sides = "0 outer", "1 inner"
+    mesh = with_midsides(apart(ring(8, 1, 0.5, 1.0), ring(8, 1, 1.0, 1.5)), on_circles)
+    rim = np.unique(mesh.facets[:, mesh.boundaries[sides[0]]])
+    finer = ka.refined_at(mesh, rim[:2], periodic=[(*sides, ka.Rotation(0.0))])
+    one, other = (finer.p[:, np.unique(finer.facets[:, finer.boundaries[name]])] for name in sides)
     assert one.shape[1] > 8 + 4
     assert_allclose(*(np.sort(np.arctan2(*each)) for each in (one, other)), rtol=0.0, atol=1e-12)
 

@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import kept
-from helpers.random_solids import bar, flat_solids
+from helpers.random_solids import flat_solids
 from helpers.solids import box, two_regions
-from helpers.tetrahedra import fichera, lone, middles, turned
+from helpers.tetrahedra import fichera, lone, turned
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.sparse.linalg import spsolve
 from skfem import MeshTet, MeshTet2
 from skfem.generic_utils import OrientedBoundary
 
@@ -19,11 +17,8 @@ from kohonen_adapt.geometry.pieces import FoldedLayers
 from kohonen_adapt.geometry.singular_layers import with_layers_at
 from kohonen_adapt.mesh.adjacency import connected_arrays
 from kohonen_adapt.mesh.curved import Isoparametric, corners_of, with_midside_offsets
-from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area, directed
 from kohonen_adapt.mesh.validity import check_mesh
-
-EDGE_VALUE = 0.2140758036140825  # int u over the L-shape with -Laplace u = 1
 
 
 def normals(mesh, rows):
@@ -125,27 +120,6 @@ def test_distances_shrink_by_the_factor():
     assert finer.nelements == 3 + 6 * 2 + 3
 
 
-def test_edges_around_a_face_are_separated():
-    mesh = box(1)
-    for ends in (mesh.facets[[[0, 0, 1], [1, 2, 2]], 3], mesh.edges):
-        finer = ka.refined_at(mesh, edges=ends, layers=2)
-        check_kept(mesh, finer)
-    assert finer.nelements < 200 * mesh.nelements
-
-
-def test_a_closed_rim_on_a_named_boundary():
-    mesh, _ = bar(6)
-    ends = mesh.facets[:, mesh.boundaries["side"]][[[0, 0, 1], [1, 2, 2]]].reshape(2, -1)
-    rim = ends[:, np.all(mesh.p[2, ends] == 1.0, axis=0)]
-    assert np.all(np.bincount(rim.ravel())[np.unique(rim)] == 2)
-    finer = ka.refined_at(mesh, edges=rim, layers=2, factor=0.2)
-    check_kept(mesh, finer)
-    nodes = finer.p[:, np.unique(finer.facets[:, finer.boundaries["side"]])]
-    height = mesh.p[2].max() - np.sort(np.unique(mesh.p[2]))[-2]
-    found = np.unique((1.0 - nodes[2]).round(12))
-    assert_allclose(found[:4], [0.0, *(height * 0.2**k for k in (2, 1))] + [height], atol=1e-12)
-
-
 def test_other_elements_stay_as_they_are():
     mesh = two_regions(4)
     finer = ka.refined_at(mesh, [0], layers=1)
@@ -172,38 +146,13 @@ def test_layers_that_coordinates_do_not_resolve_are_left_out():
         ({"factor": 0.0}, r"factor must be a number between 0 and 1; got 0\.0"),
         ({"nodes": [27]}, "nodes must be numbers of nodes of this mesh, from 0 to 26; got 27"),
         ({"nodes": 3}, r"nodes must be whole numbers, shape \(k,\); got int64 of shape \(\)\."),
-        ({"edges": [[0, 1]]}, r"edges must be whole numbers, shape \(2, k\); got int64 of shape \(1, 2\)\."),
         ({"edges": [[0.0], [1.0]]}, r"edges must be whole numbers, shape \(2, k\); got float64 of shape \(2, 1\)\."),
         ({"edges": [[0], [-1]]}, "edges must be numbers of nodes of this mesh, from 0 to 26; got -1"),
         ({"edges": [[4, 0], [4, 1]]}, "edges must be edges of the mesh; it has none between the nodes 4 and 4"),
         ({"edges": [[1], [25]]}, "edges must be edges of the mesh; it has none between the nodes 1 and 25"),
         ({"periodic": [("a", "b")]}, "periodic and curves are for triangles"),
-        ({"curves": {"a": None}}, "periodic and curves are for triangles"),
     ],
 )
 def test_bad_input_in_space_is_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         ka.refined_at(**{"mesh": box(2), "nodes": [0]} | arguments)
-
-
-def error(mesh, order):
-    """Energy-norm error of -Laplace u = 1 on an L-shaped prism, u = 0 around, relative."""
-    space = Space(mesh, order)
-    facets = mesh.boundary_facets()
-    facets = facets[np.ptp(mesh.p[2, mesh.facets[:, facets]], axis=0) > 0.0]
-    free = np.setdiff1d(np.arange(space.doflocs.shape[1]), space.on_facets(facets))
-    system = space.stiffness(np.ones(space.gradient_weights.size), free)
-    load = space.loads(np.ones(space.volumes.size), np.zeros((3, space.gradient_weights.size)))[free]
-    found = system.completed(spsolve(system.matrix, system.eliminated(load)), load)
-    return np.sqrt(1.0 - load @ found / EDGE_VALUE)
-
-
-def test_the_error_of_high_orders_falls_on_layers():
-    mesh = MeshTet.init_tensor(*[np.linspace(-1.0, 1.0, 3)] * 2, np.linspace(0.0, 1.0, 2))
-    mesh = kept(mesh, ~((middles(mesh)[0] > 0.0) & (middles(mesh)[1] < 0.0)))
-    edge = mesh.edges[:, np.all(mesh.p[:2, mesh.edges] == 0.0, axis=(0, 1))]
-    layered = ka.refined_at(mesh, edges=edge, layers=2)
-    plain, graded = ([error(each, order) for order in (2, 3, 4, 5)] for each in (mesh, layered))
-    assert plain[3] > 0.05
-    assert graded[3] < 0.015
-    assert graded[3] / graded[1] < 0.5 * plain[3] / plain[1]

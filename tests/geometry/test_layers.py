@@ -82,7 +82,6 @@ def divided(mesh, gap, low):
 
 
 CASES = {"poles": poles, "teeth": teeth, "pockets": pockets, "ring": ring, "sector": sector, "parts": parts}
-every_case = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 
 
 def layers_of(mesh, name="gap", one="low", other="high"):
@@ -128,33 +127,13 @@ def closed(mesh):
     return mesh.with_boundaries({"outer": mesh.boundary_facets()})
 
 
-@pytest.mark.parametrize(
-    ("case", "topology"),
-    [
-        (poles, "flip"),
-        (teeth, "recycle"),
-        (pockets, "flip"),
-        (ring, "recycle"),
-        (sector, "flip"),
-        (parts, "recycle"),
-    ],
-    ids=CASES,
-)
-def test_layers_are_kept_where_they_would_be_lost(case, topology):
-    mesh = case()
-    assert layers_of(mesh) == 2
-    assert any(layers_of(again_and_again(mesh, topology, seed=seed)) < 2 for seed in (1, 2))
-    for seed in (1, 2):
-        kept = again_and_again(mesh, topology, {"gap": 2}, seed)
-        assert layers_of(kept) >= 2
-        assert ka.quality(kept).min() >= min(0.3, ka.quality(mesh).min()) - 1e-12
-
-
 @given(st.sampled_from(sorted(CASES)), st.integers(1, 4), st.integers(0, 2**31), st.sampled_from(["flip", "recycle"]))
 @examples(12)
 def test_any_number_of_layers_is_kept_under_any_density(case, rows, seed, topology):
     mesh = CASES[case](rows)
-    assert layers_of(again_and_again(mesh, topology, {"gap": rows}, seed, times=2)) >= rows
+    kept = again_and_again(mesh, topology, {"gap": rows}, seed, times=2)
+    assert layers_of(mesh) == rows <= layers_of(kept)
+    assert ka.quality(kept).min() >= min(0.3, ka.quality(mesh).min()) - 1e-12
 
 
 @pytest.mark.parametrize("case", [poles, pockets, sector])
@@ -162,15 +141,6 @@ def test_more_layers_than_asked_for_may_thin_out_to_those(case):
     mesh = case(4)
     thinned = again_and_again(mesh, "recycle", {"gap": 2}, 1)
     assert 2 <= layers_of(thinned) < 4
-
-
-@pytest.mark.parametrize(("case", "topology"), [(poles, "recycle"), (sector, "flip"), (sector, "fixed")])
-def test_adapt_keeps_layers_through_growth_and_polish(case, topology):
-    mesh = closed(case())
-    options = {"passes": 2, "topology": topology, "target_nodes": mesh.p.shape[1] * 5 // 4, "atol": 0.0}
-    found = ka.adapt(mesh, current(mesh), layers={"gap": 2}, **options)
-    assert len(found.history) == 3 and min(layers_of(record.mesh) for record in found.history) >= 2
-    assert found.mesh.p.shape[1] > mesh.p.shape[1]
 
 
 @pytest.mark.parametrize(
@@ -304,9 +274,7 @@ def test_slots_wider_than_the_gap_belong_to_its_side():
 
 
 def test_a_gap_with_round_ends_has_two_straight_sides():
-    across = np.linspace(1, 0, 5)[:-1]
-    x = np.concatenate([-2 - across, np.linspace(-2, 2, 33), 2 + across[::-1]])
-    square = MeshTri.init_tensor(x, np.linspace(-1, 1, 9))
+    square = MeshTri.init_tensor(np.linspace(-3, 3, 33), np.linspace(-1, 1, 9))
     (x, y), beyond = square.p, np.maximum(np.abs(square.p[0]) - 2, 0)
     x = np.sign(x) * (np.minimum(np.abs(x), 2) + beyond * np.sqrt(1 - y**2 / 2))
     mesh = MeshTri(np.stack([x, y * np.sqrt(1 - beyond**2 / 2)]), square.t)
@@ -364,7 +332,6 @@ FEW = (
 THICK = "subdomain '{}' must be thin"
 BAD = {
     "too many": (poles, {"gap": 2}, FEW.format(2)),
-    "far too many": (poles, {"gap": 10**30}, FEW.format(10**30)),
     "a core": (lambda rows: inset(8), {"core": 1}, THICK.format("core")),
     "a disc": (lambda rows: disc(), {"disc": 1}, THICK.format("disc")),
     "a wedge": (lambda rows: wedge(), {"wedge": 1}, THICK.format("wedge")),

@@ -5,7 +5,6 @@ import pytest
 from helpers.meshes import disk
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -182,26 +181,6 @@ def test_sides_inside_become_straight():
         mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
         atol=1e-12,
     )
-
-
-def test_names_and_sides_of_boundaries_stay():
-    mesh = along(ellipse, 12)
-    rim = mesh.boundary_facets()
-    parts = {
-        "up": rim[mesh.p[1, mesh.facets[:, rim]].mean(axis=0) > 0.0],
-        "sheet": OrientedBoundary(rim, np.zeros(len(rim), int)),
-    }
-    mesh = MeshTri2(
-        mesh.p,
-        mesh.t,
-        _boundaries=parts,
-        _subdomains={"core": np.flatnonzero(np.all(mesh.t < 12, axis=0) | np.any(mesh.t == 24, axis=0))},
-    )
-    moved = ka.relocate(mesh, lambda x: 1.0 / (0.3 + x[0] ** 2))
-    assert list(moved.boundaries) == ["up", "sheet"] and list(moved.subdomains) == ["core"]
-    assert isinstance(moved.boundaries["sheet"], OrientedBoundary)
-    assert np.all(moved.p[1, moved.facets[:, moved.boundaries["up"]]] > -1e-12)
-    assert len(moved.boundaries["up"]) == len(parts["up"])
 
 
 def test_periodic_sides_cannot_be_splines():

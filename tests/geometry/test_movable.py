@@ -145,14 +145,6 @@ def test_where_flips_are_not_allowed_there_are_none():
     assert_array_equal(movable.mesh().t, mesh.t)
 
 
-@pytest.mark.parametrize("min_quality", [0.2, None])
-def test_one_flip_is_one_flip(min_quality):
-    mesh = MeshTri(np.array([[0.0, 2.0, 1.0, 1.0], [0.0, 0.0, 0.6, -0.6]]), np.array([[0, 0], [1, 1], [2, 3]]))
-    movable = MovableMesh.of(mesh, Rules("flip", min_quality))
-    assert movable.flip() == 1
-    assert {tuple(sorted(corners)) for corners in movable.mesh().t.T.tolist()} == {(0, 2, 3), (1, 2, 3)}
-
-
 def test_whether_any_node_can_move():
     triangle = MeshTri(np.array([[0.0, 1, 0], [0, 0, 1]]), np.array([[0], [1], [2]]))
     assert MovableMesh.of(triangle, Rules()).held_nodes.all()

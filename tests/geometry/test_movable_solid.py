@@ -8,6 +8,7 @@ from helpers.solids import (
     box,
     cut,
     element_facts,
+    extruded,
     l_shape,
     neighbours,
     scramble,
@@ -21,17 +22,11 @@ from test_movable import assert_same_state, kept
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, LINE, ON_PATCH, ON_RIDGE, PLANE, WAITS
+from kohonen_adapt.kernels.tetrahedron.arrays import HELD, ON_PATCH, ON_RIDGE, WAITS
 from kohonen_adapt.kernels.tetrahedron.swap import swap_waiting
 
 MESHES = {"box": box, "L": l_shape, "two regions": two_regions, "sheet": cut}
 each_mesh = pytest.mark.parametrize("build", MESHES.values(), ids=MESHES)
-
-
-def counts(solid):
-    """Nodes that are held, on ridges, on patches and inside, and the numbers of patches and ridges."""
-    number = np.bincount(solid.freedom.number, minlength=4).tolist()
-    return number, len(solid.surfaces.shape), len(solid.surfaces.meets)
 
 
 @pytest.mark.parametrize(
@@ -76,28 +71,6 @@ def test_elements_are_positive_and_know_their_neighbours(build):
     assert_allclose(tet.centroids(), mesh.p[:, mesh.t].mean(axis=1).T, rtol=1e-14)
 
 
-def test_a_box_has_six_patches_and_twelve_ridges():
-    solid = MovableSolid.of(box(4), Rules())
-    assert counts(solid) == ([8, 12 * 3, 6 * 9, 27], 6, 12)
-    assert set(solid.surfaces.shape) == {PLANE} and set(solid.surfaces.ridge_shape) == {LINE}
-    x, number, place = solid.tetrahedralization.position, solid.freedom.number, solid.freedom.place
-    on = number == ON_PATCH
-    off = x[on] - solid.surfaces.origin[place[on]]
-    assert np.all(np.einsum("ij,ij->i", off, solid.surfaces.axis[place[on]]) == 0.0)
-    on = number == ON_RIDGE
-    off = np.cross(x[on] - solid.surfaces.ridge_origin[place[on]], solid.surfaces.ridge_axis[place[on]])
-    assert np.all(off == 0.0)
-    assert np.all(place[(number == HELD) | (number == INSIDE)] == -1)
-    meets = np.sort(solid.surfaces.meets, axis=1)[:, ::-1]
-    assert np.all(meets[:, :2] >= 0) and np.all(meets[:, 2:] == -1)
-
-
-def test_an_l_shape_has_a_ridge_that_looks_inward():
-    solid = MovableSolid.of(l_shape(2), Rules())
-    number, patches, ridges = counts(solid)
-    assert (number[HELD], patches, ridges) == (12, 8, 18)
-
-
 def test_the_parts_of_one_plane_that_carry_different_names_are_patches_of_their_own():
     solid = MovableSolid.of(two_regions(4), Rules())
     top = np.flatnonzero(solid.patches.names["top"])
@@ -138,15 +111,8 @@ def test_edges_in_which_five_patches_meet_hold_their_nodes():
         np.hstack([np.zeros((2, 1)), np.stack([np.cos(angle), np.sin(angle)])]),
         np.stack([np.zeros(5, dtype=int), 1 + np.arange(5), 1 + (np.arange(5) + 1) % 5]),
     )
-    layers = 3
-    p = np.hstack([np.vstack([flat.p, np.full(6, z)]) for z in range(layers + 1)])
-    elements = []
-    for z in range(layers):
-        low, high = flat.t + 6 * z, flat.t + 6 * (z + 1)
-        elements += [np.vstack([low, high[2]]), np.vstack([low[:2], high[1:]]), np.vstack([low[:1], high])]
-    t = np.hstack(elements)
-    number = np.tile(np.arange(5), 3 * layers)
-    mesh = MeshTet(p, t).with_subdomains({f"wedge {k}": np.flatnonzero(number == k) for k in range(5)})
+    number = np.tile(np.arange(5), 9)
+    mesh = extruded(flat, 3).with_subdomains({f"wedge {k}": np.flatnonzero(number == k) for k in range(5)})
     solid = MovableSolid.of(mesh, Rules())
     axis = np.all(solid.tetrahedralization.position[:, :2] == 0.0, axis=1)
     assert np.all(solid.freedom.number[axis] == HELD)

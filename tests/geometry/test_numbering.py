@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import area_of, areas_of, generic_square, peak, square
+from helpers.meshes import areas_of, generic_square, square
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -77,24 +77,6 @@ def test_meshes_that_are_in_order_or_small_keep_their_numbers(build):
     with numbered_along_curve(movable) as row:
         assert row is None
         assert movable.triangulation.position is position
-
-
-def test_nodes_elements_and_names_of_a_relocated_mesh_are_where_they_would_be():
-    plain = square(104).with_subdomains(HALVES).with_boundaries(SIDES)
-    mesh, nodes = scattered(plain)
-    results = [
-        ka.relocate(each, peak(each, 0.3, 0.4, 20), pinned=[held], **PAIR)
-        for each, held in ((plain, nodes[7]), (mesh, 7))
-    ]
-    expected, found = (result.p for result in results)
-    way = np.hypot(*(expected - plain.p)).mean()
-    assert np.hypot(*(found - expected[:, nodes])).mean() < 0.2 * way
-    assert np.array_equal(found[:, 7], mesh.p[:, 7])
-    for name in SIDES:
-        assert np.array_equal(mesh.facets[:, mesh.boundaries[name]], results[1].facets[:, results[1].boundaries[name]])
-    for name in HALVES:
-        assert np.array_equal(mesh.subdomains[name], results[1].subdomains[name])
-        assert area_of(results[1], results[1].subdomains[name]) == pytest.approx(0.5, rel=1e-12)
 
 
 def test_flips_alone_move_no_node_of_a_scattered_mesh(mesh):

@@ -154,40 +154,6 @@ def test_it_jumps_onto_the_nearer_side_by_the_share_of_the_learning_rate(x, rate
     assert trained_once(mesh, x, rate=rate).p[:, node_at(mesh, 0, 0)].tolist() == place
 
 
-def test_a_jump_that_leaves_a_flat_ear_is_refused():
-    mesh = cornered()
-    ear = node_at(mesh, 1, 0)
-    assert np.sum(mesh.t == ear) == 1
-    for min_quality in (0.0, None):
-        result = trained_once(mesh, (0.8, 0.05), min_quality=min_quality)
-        assert_array_equal(result.p, mesh.p)
-
-
-def test_a_jump_that_breaks_the_quality_rule_is_refused():
-    mesh = cornered()
-    before = ka.quality(mesh).min()
-    result = trained_once(mesh, (0.2, 0.05), rate=0.01, min_quality=0.5)
-    assert_array_equal(result.p, mesh.p)
-    assert before > 0.5
-
-
-@pytest.mark.parametrize("pinned", [(0.0, 0.0), (0.0, 0.5)])
-def test_no_jump_takes_or_leaves_a_pinned_node(pinned):
-    mesh = cornered()
-    result = trained_once(mesh, (0.2, 0.05), pinned=[node_at(mesh, *pinned)])
-    assert_array_equal(result.p, mesh.p)
-
-
-def test_after_a_jump_the_follower_is_the_corner_and_may_jump_on():
-    mesh = cornered()
-    som = KohonenMap(mesh, topology="fixed", min_quality=0.0)
-    for x in ((0.2, 0.05), (0.05, 0.3)):
-        som.train(np.array(x)[:, None], Schedule((Stage(0, 1, 1.0),)))
-    corner, follower = node_at(mesh, 0, 0), node_at(mesh, 0, 0.5)
-    assert som.mesh.p[:, follower].tolist() == [0.0, 0.3]
-    assert som.mesh.p[:, corner].tolist() == [0.0, 0.0]
-
-
 def test_corners_of_interfaces_jump_too():
     mesh = inset(8)
     ear = np.bincount(mesh.t[:, mesh.subdomains["core"]].ravel())[node_at(mesh, 0.25, 0.25)] == 1
@@ -215,22 +181,6 @@ def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
             assert len(np.unique(ends[1])) == 1
             assert len(result.boundaries[name]) == on_side(result, 1, ends[1, 0, 0]) - 1
             assert length_of(result, result.boundaries[name]) == pytest.approx(1.0, rel=1e-14)
-
-
-def test_where_three_chains_meet_a_neuron_may_leave_the_corner():
-    """An element at the junction changes sides; what is drawn on the plane stays."""
-    mesh, changed = junction(12), 0
-    for place, seed in product([(0.5, 0.5), (0.0, 0.5), (1.0, 0.5), (0.5, 1.0)], range(3)):
-        result = ka.relocate(mesh, peak(mesh, *place, width=0.3), seed=seed)
-        changed += any(len(rows) != len(result.subdomains[name]) for name, rows in mesh.subdomains.items())
-        assert place in places(result)
-        for name, rows in mesh.subdomains.items():
-            x, y = result.p[:, result.t[:, result.subdomains[name]]]
-            area = np.abs((x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])).sum() / 2
-            assert area == pytest.approx(len(rows) / 288, rel=1e-13)
-        fixed = ka.relocate(mesh, peak(mesh, *place, width=0.3), topology="fixed", seed=seed)
-        assert all(np.array_equal(rows, fixed.subdomains[name]) for name, rows in mesh.subdomains.items())
-    assert changed
 
 
 def test_a_jump_at_a_junction_by_hand():
