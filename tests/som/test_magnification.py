@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from skfem import MeshTri
 
-import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.mesh.measures import area
 
@@ -119,17 +118,3 @@ def test_the_density_of_nodes_is_a_power_of_that_of_the_training_points(name):
     trial = TRIALS[name]
     assert abs(trial.slope(trial.trained()) - trial.exponent) < TOLERANCE
     assert abs(trial.slope(trial.mesh) - trial.exponent) > 2 * TOLERANCE
-
-
-@pytest.mark.slow
-def test_weighted_training_at_radius_0_reaches_a_prescribed_density():
-    som = KohonenMap(square(12))
-    som.train(weighted_ramp, STILL, seed=0)
-
-    def spread(mesh):
-        mass = area(mesh) * np.exp(log_ramp(mesh.p[:, mesh.t])).mean(axis=0)
-        return mass.std() / mass.mean()
-
-    assert spread(square(12)) > 0.5
-    assert spread(som.mesh) < 0.2
-    assert ka.quality(som.mesh).min() >= 0.3

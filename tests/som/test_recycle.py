@@ -103,26 +103,6 @@ def edges_on_chains(triangulation):
     return {frozenset(pair) for pair in zip(node[e, (k + 1) % 3].tolist(), node[e, (k + 2) % 3].tolist(), strict=True)}
 
 
-def test_outlines_gain_and_lose_nodes():
-    mesh = square(16)
-    result = ka.relocate(mesh, peak(mesh, 0.5, 0.5), topology="recycle")
-    assert len(result.boundary_nodes()) < 0.6 * len(mesh.boundary_nodes())
-    assert result.t.shape[1] > mesh.t.shape[1]
-    result = ka.relocate(mesh, peak(mesh, 0.5, 0.0), topology="recycle")
-    on_floor = lambda each: np.count_nonzero(each.p[1] == 0.0)  # noqa: E731
-    assert on_floor(result) > 1.5 * on_floor(mesh)
-
-
-def test_a_thin_gap_does_not_stop_the_exchange():
-    """Two rooms joined by an edge's width: moving cannot carry nodes from one to the other, recycling does."""
-    mesh = square(16)
-    x, y = centres(mesh)
-    mesh = mesh.remove_elements(np.flatnonzero((np.abs(x - 0.5) < 1 / 16) & (y > 1 / 16)))
-    density = np.where(centres(mesh)[0] < 0.5, 1.0, 50.0)
-    right = lambda each: np.count_nonzero(each.p[0] > 0.5)  # noqa: E731
-    assert right(ka.relocate(mesh, density, topology="recycle")) > 1.3 * right(ka.relocate(mesh, density))
-
-
 def test_edges_become_alike_in_the_metric():
     mesh = square(24)
     density = peak(mesh, 0.4, 0.6, contrast=1e3)

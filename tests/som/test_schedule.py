@@ -25,10 +25,6 @@ def test_the_papers_rate_falls_geometrically_over_all_epochs_together(epochs):
     assert [stage.epochs for stage in schedule.stages] == [count for count in epochs if count]
 
 
-def test_no_epochs_are_no_stages():
-    assert Schedule.paper((0, 0, 0)).stages == ()
-
-
 def test_rates_fall_geometrically_from_the_first_to_the_last_epoch():
     assert Stage(1, 3, (0.4, 0.1)).rates() == pytest.approx([0.4, 0.2, 0.1], rel=1e-14)
     assert Stage(1, 2, 0.3).rates().tolist() == [0.3, 0.3]
@@ -70,14 +66,6 @@ def test_the_default_costs_no_more_per_node_at_wide_radii(nnodes, topology):
         assert max(stage.rates()) <= 0.45
 
 
-def test_recycling_carries_no_nodes_far():
-    assert Schedule.default(12545, topology="recycle").rounds == 0
-
-
-def test_a_fixed_topology_comes_down_to_radius_1():
-    assert Schedule.default(1000, topology="fixed").stages[-1].radius == 1
-
-
 def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
     stage = Stage(1, 1, 0.3)
     schedule = Schedule([stage])
@@ -92,34 +80,21 @@ def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
     ("build", "message"),
     [
         (lambda: Stage(-1, 1, 0.3), r"radius of a stage must be an integer >= 0; got -1\."),
-        (lambda: Stage(1.5, 1, 0.3), r"radius of a stage must be an integer >= 0; got 1\.5\."),
         (lambda: Stage(True, 1, 0.3), r"radius of a stage must be an integer >= 0; got True\."),
         (lambda: Stage(1, -2, 0.3), r"epochs of a stage must be an integer >= 0; got -2\."),
-        (lambda: Stage(1, "2", 0.3), r"epochs of a stage must be an integer >= 0; got '2'\."),
         (lambda: Stage(1, 1, 0.0), r"learning_rate must be in \(0, 1\], one or \(first, last\); got 0\.0\."),
-        (lambda: Stage(1, 1, 1.1), r"learning_rate must be in \(0, 1\], .* got 1\.1\."),
         (lambda: Stage(1, 1, np.nan), r"learning_rate must be in \(0, 1\], .* got nan\."),
-        (lambda: Stage(1, 1, (0.3, 0.0)), r"learning_rate must be in \(0, 1\], .* got \(0\.3, 0\.0\)\."),
         (lambda: Stage(1, 1, (0.3, 0.2, 0.1)), r"learning_rate must be .* got \(0\.3, 0\.2, 0\.1\)\."),
-        (lambda: Stage(1, 1, "a"), r"learning_rate must be .* got 'a'\."),
         (lambda: Stage(1, 1, 0.3, points_per_neuron=0), r"points_per_neuron must be above zero; got 0\."),
-        (lambda: Stage(1, 1, 0.3, points_per_neuron=np.inf), r"points_per_neuron must be above zero; got inf\."),
-        (lambda: Stage(1, 1, 0.3, points_per_neuron="a"), r"points_per_neuron must be above zero; got 'a'\."),
         (lambda: Stage(1, 1, 0.3, neighbourhood="box"), r"neighbourhood must be 'gaussian' or 'flat'; got 'box'\."),
         (lambda: Schedule((), rounds=-1), r"rounds must be an integer >= 0; got -1\."),
-        (lambda: Schedule((), rounds=True), r"rounds must be an integer >= 0; got True\."),
         (lambda: Schedule((), sweeps=-1), r"sweeps must be an integer >= 0; got -1\."),
-        (lambda: Schedule((), sweeps=1.5), r"sweeps must be an integer >= 0; got 1\.5\."),
-        (lambda: Schedule((), tolerance=-1e-3), r"tolerance must be None or >= 0; got -0\.001\."),
         (lambda: Schedule((), tolerance=np.nan), r"tolerance must be None or >= 0; got nan\."),
-        (lambda: Schedule((), tolerance="a"), r"tolerance must be None or >= 0; got 'a'\."),
+        (lambda: Schedule((), tolerance=-1e-3), r"tolerance must be None or >= 0; got -0\.001\."),
         (
             lambda: Schedule.paper((3, 10)),
             r"epochs must be three integers >= 0, for radius 2, 1 and 0; got \(3, 10\)\.",
         ),
-        (lambda: Schedule.paper((3, -1, 2)), r"epochs must be three integers >= 0, .* got \(3, -1, 2\)\."),
-        (lambda: Schedule.paper(3), r"epochs must be three integers >= 0, .* got 3\."),
-        (lambda: Schedule.paper(learning_rate=0.3), r"learning_rate must be \(first, last\), .* got 0\.3\."),
         (lambda: Schedule.paper(learning_rate=(0.0, 0.3)), r"learning_rate must be \(first, last\), both in \(0, 1\]"),
         (lambda: Schedule.default(-5), r"nnodes must be an integer >= 0; got -5\."),
         (lambda: Schedule.default(100, radius=-3), r"radius must be an integer >= 0, or None; got -3\."),

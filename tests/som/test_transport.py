@@ -133,11 +133,6 @@ def test_flow_balances_what_clusters_ask_for():
     assert_allclose(balance, inflow, atol=1e-6 * np.abs(inflow).max())
 
 
-def test_a_part_in_which_no_point_fell_asks_for_nothing():
-    links = symmetric(np.ones(1), np.array([0]), np.array([1]), 2)
-    assert wanted_inflow(np.zeros(2), np.array([32.0, 8.0]), links).tolist() == [0.0, 0.0]
-
-
 @pytest.mark.parametrize("kind", SHAPES)
 def test_clusters_lie_in_one_region_and_are_of_one_size(kind):
     tri = Triangulation.of(SHAPES[kind])
@@ -255,15 +250,6 @@ def test_pinned_nodes_stay_and_with_them_their_partners():
     assert not np.array_equal(after.p[:, sides[0]], mesh.p[:, sides[0]])
 
 
-def test_weights_of_points_count():
-    mesh = square(32)
-    rng = np.random.default_rng(2)
-    points = rng.random((2, 4000))
-    som = KohonenMap(mesh)
-    som.train(points, ROUNDS, weights=1.0 + 9.0 * (points[0] > 0.5))
-    assert np.mean(som.mesh.p[0] > 0.5) > 0.6
-
-
 def test_a_round_of_an_unguarded_map_goes_all_the_way():
     mesh = square(16)
     movable = MovableMesh.of(mesh, Rules("fixed", min_quality=None))
@@ -288,11 +274,3 @@ def test_clusters_whose_centres_coincide_exchange_nodes():
     transport.carry(shown, winners_of(movable, shown))
     assert np.all(np.isfinite(tri.position))
     assert area_of(mesh) == pytest.approx(np.sum(areas_of(tri)), rel=1e-13)
-
-
-def test_a_map_that_is_not_guarded_may_fold_and_go_on():
-    mesh = generic_square(12)
-    som = KohonenMap(mesh, min_quality=None, topology="fixed")
-    for number in range(3):
-        som.train(lambda count, rng: (rng.random((2, count)) ** 8, None), ROUNDS, seed=number)
-    assert np.all(np.isfinite(som.mesh.p))
