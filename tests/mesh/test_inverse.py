@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from helpers.meshes import disk, square
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import Basis, ElementTriP1
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -59,13 +58,6 @@ def test_every_point_is_found_where_it_was_mapped_to(name):
     values = np.random.default_rng(1).random(mesh.nvertices)
     expected = np.sum(shares * values[mesh.t[:, element]].T, axis=1)
     assert_allclose(ka.interpolate(mesh, values, x)[inside], expected[inside], atol=1e-9)
-
-
-def test_values_are_those_of_scikit_fem():
-    mesh = wavy(4, 0.08)
-    basis, values = Basis(mesh, ElementTriP1(), intorder=5), np.random.default_rng(2).random(mesh.nvertices)
-    x = np.asarray(basis.global_coordinates()).reshape(2, -1)
-    assert_allclose(ka.interpolate(mesh, values, x), basis.interpolate(values).ravel(), atol=1e-12)
 
 
 def test_what_lies_beyond_a_bent_rim_is_outside():

@@ -8,7 +8,6 @@ from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import (
     corners_of,
     midside_offsets,
@@ -17,7 +16,6 @@ from kohonen_adapt.mesh.curved import (
 )
 from kohonen_adapt.mesh.measures import area
 
-MU0 = 4e-7 * np.pi
 N = 24  # nodes on the circle
 STEP = 2 * np.pi / N
 
@@ -66,21 +64,6 @@ def test_a_rotor_and_a_stator_become_one():
         assert_array_equal(was, now)
 
 
-def test_the_field_is_that_of_one_mesh():
-    """The same triangles, meshed as one and put together: A is the same to rounding."""
-    whole = disk(8, 1.0)
-    inside = np.hypot(*centres(whole)) < 0.49  # 4 rings, 24 nodes on their rim
-    parts = [whole.restrict(np.flatnonzero(which)) for which in (inside, ~inside)]
-    both = ka.merge(*parts)
-    fields = []
-    for mesh in (whole, both):
-        mesh = mesh.with_subdomains({"coil": lambda x: np.hypot(*x) < 0.3, "air": lambda x: np.hypot(*x) >= 0.3})
-        mesh = mesh.with_boundaries({"outer": mesh.boundary_facets()})
-        materials = {"coil": Material(current_density=1e6), "air": Material()}
-        fields.append(Magnetostatics(materials, {"outer": 0.0}).solve(mesh))
-    assert fields[1].energy == pytest.approx(fields[0].energy, rel=1e-12)
-
-
 def test_sides_of_oriented_boundaries_stay():
     left, right = square(4), square(4).translated((1.0, 0.0))
     seams = []
@@ -125,7 +108,6 @@ def test_rounding_is_no_mismatch():
         ),
         (stator().translated((1e-3, 0.0)), r"is 0\.001 from the nearest node of the other mesh"),
         (stator(30), r"the outline that the meshes share must have the same nodes in both"),
-        (stator(48), r"the outline that the meshes share must have the same nodes in both"),
         (stator(12), r"the outline that the meshes share must have the same nodes in both"),
         (
             stator().translated((2.0, 0.0)),
@@ -136,7 +118,6 @@ def test_rounding_is_no_mismatch():
             r"they share none, and the nearest of their nodes are 0 apart",
         ),
         (rotor(), r"^the meshes overlap: 96 elements of the second have their middle in the other, the first at \(0\."),
-        (disk(2, 0.25), r"^the meshes overlap: 24 elements of the second"),
         (disk(8, 3.0), r"^the meshes overlap: "),
         (square(2).to_meshquad() if hasattr(MeshTri, "to_meshquad") else "mesh", r"^mesh must be a skfem\.MeshTri"),
     ],
@@ -170,13 +151,6 @@ def machine():
     return MeshTri(mesh.p, mesh.t, {name: np.flatnonzero(at) for name, at in names.items()}, mesh.subdomains)
 
 
-def torque(mesh, angle):
-    """Of a magnet of 1 A m^2 per metre at an angle in a field of 1 T along x."""
-    size = MU0 / area(mesh)[mesh.subdomains["magnet"]].sum()
-    materials = {"magnet": Material(remanence=(size * np.cos(angle), size * np.sin(angle))), "air": Material()}
-    return Magnetostatics(materials, {"outer": lambda x: x[1]}).solve(mesh).torque("magnet")
-
-
 @pytest.mark.parametrize("steps", [-8, 1, 24, 200])
 def test_what_turns_is_carried_and_the_rest_stays(steps):
     mesh, angle = machine(), 2 * np.pi * steps / 96
@@ -191,7 +165,6 @@ def test_what_turns_is_carried_and_the_rest_stays(steps):
     x, y = new.p[:, new.facets[:, new.boundaries["pole"]]].mean(axis=1)
     assert np.all(np.cos(angle) * x + np.sin(angle) * y > 0.0)
     assert len(new.boundary_facets()) == 96
-    assert torque(new, angle) == pytest.approx(-np.sin(angle), abs=0.01)
 
 
 def test_turned_by_nothing_and_there_and_back():
@@ -280,11 +253,10 @@ def test_what_is_turned_out_of_a_sector_stays_there(oriented):
 
 
 def test_a_ring_between_two_circles_turns_about_another_centre():
-    mesh = machine().translated((3.0, -1.0))
-    x, y = centres(mesh) - [[3.0], [-1.0]]
-    between = (np.hypot(x, y) > 0.5) & (np.hypot(x, y) < 1.0625)
-    mesh = mesh.with_subdomains({"gap": np.flatnonzero(between)})
-    new = ka.turned(mesh, "gap", np.pi / 48, centre=(3.0, -1.0))
+    mesh, centre = machine().translated((3.0, -1.0)), (3.0, -1.0)
+    radius = np.hypot(*(centres(mesh) - np.reshape(centre, (2, 1))))
+    between = (radius > 0.5) & (radius < 1.0625)
+    new = ka.turned(mesh.with_subdomains({"gap": np.flatnonzero(between)}), "gap", np.pi / 48, centre=centre)
     assert new.is_valid() and area(new).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
     assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)
 
@@ -307,7 +279,6 @@ def uneven():
             r"0\.1 rad\. The nearest two are 0\.0654498469 and 0\.130899694 rad\.$",
         ),
         ({}, ("rotor", -0.1), r"The nearest two are -0\.130899694 and -0\.0654498469 rad\.$"),
-        ({}, ("rotor", None), r"^angle of a Rotation must be a finite number in radians; got None"),
         ({}, ("rotr", 0.0), r"^subdomain 'rotr' is not in the mesh; it has 'air', 'magnet', 'rotor'"),
         ({}, ([], 0.0), r"^a body is the name of a subdomain or a sequence of names; got \[\]\."),
         ({}, (["magnet", "air"], 0.0), r"^a part of the mesh must turn in the rest of it; .* is all\."),

@@ -60,14 +60,6 @@ def prism():
     return mesh.restrict(np.flatnonzero(~((x > 0) & (y < 0))))
 
 
-def test_an_l_shaped_prism_has_one_edge_that_goes_on_in_mirror_images():
-    mesh = prism()
-    for order in (1, 2):
-        edges, corners = found(mesh, lambda x: (x[2] > 1e-9) & (x[2] < 1 - 1e-9), order)
-        assert_allclose(mesh.p[:2, edges], 0.0, atol=1e-12)
-        assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
-
-
 def test_an_edge_that_ends_obliquely_has_a_corner_there():
     mesh = prism()
     mesh = MeshTet(mesh.p * (1.0 + np.outer([0.0, 0.0, 0.5], mesh.p[0])), mesh.t)  # the upper end is tilted
@@ -138,14 +130,6 @@ def test_symmetry_planes_that_cut_a_magnet_have_no_edges(parallel):
     )
     assert length(mesh, edges) == pytest.approx(2.0 if parallel else 1.5)
     assert_allclose(np.sort(mesh.p[2, corners]), [0.25, 0.75])
-
-
-def test_four_squares_that_touch_along_a_line():
-    mesh = box(4)
-    x, y, _ = mesh.p[:, mesh.t].mean(axis=1) - 0.5
-    edges, corners = found(mesh, lambda x: x[0] < 1e-9, coefficient=[1.0, 1000.0], region=(x * y > 0).astype(int))
-    assert_allclose(mesh.p[:2, edges], 0.5)
-    assert length(mesh, edges) == pytest.approx(1.0) and corners.size == 0
 
 
 def round_bar(rings=6, layers=4):
