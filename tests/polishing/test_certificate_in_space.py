@@ -242,18 +242,6 @@ def at_corner(mesh, width, place):
     return np.exp(-width * ((mesh.p - place) ** 2).sum(axis=0))
 
 
-def test_recycling_goes_on_where_rows_of_nodes_are_used_again():
-    """A bump in a corner of a fine mesh: a fifth of the nodes goes there, and what is told is what happens."""
-    mesh = box(7)
-    at = Start(mesh, ka.Ritz(at_corner(mesh, 60.0, 0.8), mesh.p[0] == 0.0, 1.0))
-    before = at.value()
-    pairs, told = np.sum([at.descent.recycle() for _ in range(3)], axis=0)
-    assert pairs > 0.2 * mesh.nvertices
-    assert before - at.value() == pytest.approx(told, rel=1e-10)
-    found, values, _ = at.handed_back()
-    assert found.nvertices == mesh.nvertices == len(values) and found.is_valid()
-
-
 @pytest.mark.parametrize("curved", [False, True], ids=["linear", "not linear"])
 def test_given_values_stay_what_they_are(curved):
     """Where they are linear along a face of the cube nodes may leave it; where they are not, all of it stays."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.meshes import perturbed, square
 from helpers.steel import STEEL
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt.kernels.functionals import Laws, energy_density
@@ -182,26 +182,6 @@ def problem_of(iron, current_density=3e7):
     return Magnetostatics({"iron": iron, "coil": coil, "air": Material()}, {"outer": 0.0}, order=1)
 
 
-def test_a_linear_law_is_polished_like_linear_material():
-    mesh = blocks(16, 3)
-    problem = problem_of(Material(1000.0))
-
-    class ByLaw:
-        def solve(self, mesh):
-            return problem.solve(mesh)
-
-        def ritz(self, mesh, field):
-            given = problem.ritz(mesh, field)
-            laws = [Straight(c) for c in given.coefficient]
-            return ka.Ritz(given.values, given.fixed, 1.0, given.source, given.flux, given.region, laws)
-
-    for topology in ("flip", "fixed"):
-        one, other = (ka.polish(mesh, each, topology=topology) for each in (problem, ByLaw()))
-        assert np.abs(one.p - mesh.p).max() > 0.01
-        assert_allclose(other.p, one.p, atol=1e-8)
-        assert_array_equal(other.t, one.t)
-
-
 def test_nonlinear_material_compiles_nothing_that_linear_has_not():
     mesh, compiled = blocks(16), (descend_nodes, descend_flips)
     ka.polish(mesh, problem_of(Material(1000.0)), sweeps=1)
@@ -216,6 +196,3 @@ def test_magnets_that_turn_inside_nonlinear_material_are_polished():
     result = ka.adapt(blocks(8), problem, passes=1)
     assert "polish" not in result.message
     assert 0.0 < result.history[1].polish_gain < result.history[0].functional - result.history[1].functional
-
-
-# --- the loop --------------------------------------------------------------------------------------------------

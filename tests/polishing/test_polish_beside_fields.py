@@ -123,22 +123,6 @@ def test_loads_of_faces_are_exact_for_quadratic_fields():
     assert_allclose(load[inner], field.drive.load[inner], atol=1e-9 * np.abs(field.drive.load).max())
 
 
-def test_offsets_follow_the_field_of_a_loop():
-    """Half a radius away the circulation along the way of a node is that along edges of iron."""
-    applied = loop(1e4, 0.8, (0.1, 0.3, 1.2))
-    problem, mesh = MagneticScalarPotential(IRON, {"outer": 0.0}, applied_field=applied, order=1), block_mesh(1)
-    _, movable, functional, _ = solved(mesh, problem)
-    descent = descent_of(movable, functional)
-    descent.descend(2, False)
-    descent.close()
-    after, trial = movable.mesh(), descent.trial
-    own = problem.ritz(mesh, problem.solve(mesh)).surface.on_mesh(after)[:, 0]
-    rows = np.flatnonzero(trial.applied[: own.size, FOLLOWS])
-    error = np.abs(trial.surface[rows, 0] - own[rows]) / np.ptp(own[rows])
-    assert np.linalg.norm(after.p - mesh.p, axis=0)[rows].max() > 0.05
-    assert error.max() < 1e-4
-
-
 def test_at_order_2_nodes_on_driven_faces_stay_and_others_move():
     mesh, applied = block_mesh(0), loop(1e5, 0.8, (0.1, 0.3, 1.2))
     materials = {"iron": Material(bh=STEEL), "block": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}

@@ -19,23 +19,6 @@ from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.functional_value import functional_value
 
 
-class Cubic:
-    """H = b + b^3."""
-
-    def field_strength(self, b):
-        return b + b**3
-
-    def energy(self, b):
-        return b**2 / 2 + b**4 / 4
-
-
-class Falls(Cubic):
-    """A field strength that falls."""
-
-    def field_strength(self, b):
-        return -b
-
-
 def functional_of(mesh, values, fixed, rules=None):
     kinds = (MovableMesh, Functional) if mesh.dim() == 2 else (MovableSolid, SolidFunctional)
     movable = kinds[0].of(mesh, Rules() if rules is None else rules)
@@ -188,11 +171,6 @@ def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
     assert_array_equal(after, before)
     before, after, *_ = freedoms(box(3), box(3).p[0], np.zeros(64, dtype=bool), Rules(pinned=[21]))
     assert before[21] == after[21] == HELD
-
-
-def test_a_law_whose_field_strength_falls_is_refused():
-    with pytest.raises(ValueError, match=r"field strength that increases"):
-        SolidFunctional.of(Ritz(**REST, laws=(Falls(),)), MovableSolid.of(MESH, Rules()))
 
 
 def test_shifts_and_offsets_are_for_tetrahedra():

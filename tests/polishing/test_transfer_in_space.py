@@ -115,16 +115,3 @@ def test_bodies_that_touch_without_common_nodes_have_their_own_values():
         of_part = np.unique(elements.node[elements.region == region])
         assert len(set(trial.values[of_part])) == 1
     assert set(trial.values) == {0.0, 1.0}
-
-
-def test_what_has_not_moved_is_what_it_was():
-    mesh = two_regions(3)
-    values, fixed = np.random.default_rng(0).normal(size=mesh.nvertices), rim(mesh, "left")
-    solid = MovableSolid.of(mesh, Rules())
-    functional = SolidFunctional.of(Ritz(values, fixed, 1.0), solid, mesh)
-    start_element = np.zeros(mesh.nvertices, dtype=np.int32)
-    start_element[mesh.t] = np.arange(mesh.nelements)
-    trial = transferred_in_space(functional, solid.copy(), solid, start_element)
-    assert_array_equal(trial.fixed, fixed)
-    assert_allclose(trial.values, values, rtol=0.0, atol=1e-14)
-    assert trial.modes is None and functional.solution.values is not trial.values
