@@ -63,6 +63,7 @@ def test_depth_multiplies_what_is_per_metre():
         lambda field: field.flux_linkage("go", turns=7),
         lambda field: apparent_inductance(field, CIRCUIT),
         lambda field: energy_inductance(field, CIRCUIT),
+        lambda field: field.energy,
         lambda field: field.coenergy,
     ):
         np.testing.assert_allclose(quantity(deep), 0.02 * np.asarray(quantity(metre)), rtol=1e-12)

@@ -7,29 +7,9 @@ from skfem import MeshTri
 
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
 
-MU0 = 4e-7 * np.pi
 STEEL = Brauer(100.0, 10.0, 1.8)
 
 # --- the open boundary -------------------------------------------------------------------------------------------
-
-
-def test_an_open_boundary_beside_given_values():
-    """A quarter of the cylinder: A = 0 by symmetry on y = 0, natural on x = 0, open on the arc."""
-    mesh = quarter_disk(24, 0.04)
-    materials = {"magnet": Material(remanence=(MU0 * 1e6, 0.0)), "air": Material()}
-    field = Magnetostatics(materials, potential={"floor": 0.0}, open_boundary="rim").solve(mesh)
-    assert field.flux_density[0, mesh.subdomains["magnet"]].mean() == pytest.approx(MU0 * 1e6 / 2, rel=0.01)
-
-
-def quarter_disk(n, radius):
-    """The quarter x, y > 0 of a disk, n x n squares bent to circles, its magnet within a quarter of the radius."""
-    x, y = square(n, 0.0, radius).p
-    bent = np.stack((x, y)) * np.maximum(x, y) / np.maximum(np.hypot(x, y), 1e-30)
-    mesh = MeshTri(bent, square(n).t)
-    sides = {"floor": lambda x: x[1] < 1e-12, "wall": lambda x: x[0] < 1e-12}
-    mesh = mesh.with_boundaries(sides | {"rim": lambda x: np.hypot(*x) > (1 - 0.5 / n) * radius})
-    inside = np.hypot(*mesh.p[:, mesh.t].mean(axis=1)) < radius / 4
-    return mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
 
 
 def test_an_open_boundary_is_a_circle_of_the_outer_boundary():
@@ -78,25 +58,6 @@ def at(mesh, field, x):
 
 
 POINTS = np.random.default_rng(0).uniform(0.01, 0.99, (2, 50))
-NEXT = POINTS + np.array([[1.0], [0.0]])
-
-
-def test_a_periodic_cell_stands_for_all():
-    (one, of_one), (two, of_two) = row(1), row(1, 1)
-    walls = {"potential": {"bottom": 0.0, "top": 0.0}, "periodic": [("left", "right")]}
-    field, double = Magnetostatics(of_one, **walls).solve(one), Magnetostatics(of_two, **walls).solve(two)
-    largest = np.abs(field.potential).max()
-    for points in (POINTS, NEXT):
-        np.testing.assert_allclose(double.potential_at(points), field.potential_at(POINTS), atol=1e-7 * largest)
-    assert double.energy == pytest.approx(2 * field.energy, rel=1e-7)
-    warm = Magnetostatics(of_one, **walls).solve_from(one, one, field)
-    assert len(warm.newton) == 1 and len(field.newton) > 3
-    joined = Magnetostatics(of_one, **walls).indicators(one, field)
-    np.testing.assert_allclose(
-        np.linalg.norm(Magnetostatics(of_two, **walls).indicators(two, double)),
-        np.sqrt(2) * np.linalg.norm(joined),
-        rtol=1e-6,
-    )
 
 
 def test_a_cell_antiperiodic_both_ways_needs_no_given_value():

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from kohonen_adapt.kernels.coils import add_arcs, add_bars
-from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.coils import add_arcs
 from kohonen_adapt.magnetostatics import Coil
 from kohonen_adapt.magnetostatics.coils.source import source_of
 
@@ -81,29 +80,6 @@ def test_a_field_is_finite_on_the_winding():
         on, step = np.concatenate(lines, axis=1), 1e-7 * coil.width
         field, beside = coil.field_strength(on), coil.field_strength(on + step * np.array([[0.6], [0.64], [0.48]]))
         assert np.abs(field - beside).max() < 1e-4 * np.abs(field).max()
-
-
-def test_pieces_of_arcs_are_one_arc():
-    """Two coils of the same shape with corners in other places."""
-    one = COILS["circular"]
-    hexagon = np.pi / 3.0 * np.arange(6)
-    path = 0.02 / np.cos(np.pi / 6.0) * np.stack((np.cos(hexagon), np.sin(hexagon), 0.0 * hexagon))
-    other = Coil(path + [[0.0], [0.0], [0.01]], 0.02, 0.04, 1000.0, 0.02)
-    x = points_near(one, 100)
-    np.testing.assert_allclose(other.field_strength(x), one.field_strength(x), rtol=1e-12, atol=1e-6)
-
-
-@pytest.mark.parametrize("name", COILS)
-def test_kernels_and_their_twins(name):
-    coil = COILS[name]
-    source = source_of(coil.winding, coil.ampere_turns / (coil.width * coil.height))
-    x = points_near(coil, 20)
-    points, field = np.ascontiguousarray(x.T), np.zeros((20, 3))
-    interpreted(add_bars)(source[0], points, 0, 20, np.empty((len(source[0].corner), 4)), field)
-    interpreted(add_arcs)(source[1], points, 0, 20, field)
-    np.testing.assert_allclose(coil.field_strength(x), field.T, rtol=1e-9, atol=1e-7)
-    many = np.tile(x, 300)
-    assert np.array_equal(coil.field_strength(many), np.tile(coil.field_strength(x), 300))
 
 
 @pytest.mark.parametrize("section", [(0.3, 0.4), (1.8, 0.05), (0.02, 1.0), (0.02, 0.02), (0.005, 0.005)])

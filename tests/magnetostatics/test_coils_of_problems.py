@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
+from test_coil_quantities import AIR, AXIS, HALF, IRON, T
+from test_coil_quantities import RACETRACK as COIL
 
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
 
-AIR, IRON = Material(), Material(1000.0)
-AXIS = (0.0, 0.0, 1.0)
-HALF = np.array([0.0, 0.25, 0.5, 0.75, 1.1, 1.5, 2.0])
-T = np.r_[-HALF[:0:-1], HALF]
-COIL = Coil.racetrack((0.0, 0.0, 0.0), AXIS, 2.0, 1.6, 0.4, (0.2, 0.8), 1000.0)
 PARTS = {"limb": ((-0.5, -0.5, -0.75), (0.5, 0.5, 0.75))}
 QUADRATURE = 3e-8  # of rules along edges of iron, which have fewer points away from a coil than for a function
 
@@ -48,19 +45,6 @@ def test_coils_and_an_applied_field_add_up(whole):
     other = problem({}, applied_field=uniform).solve(mesh)
     total = whole.flux_density + other.flux_density
     np.testing.assert_allclose(both.flux_density, total, atol=1e-9 * np.abs(total).max())
-
-
-def test_planes_of_symmetry_cut_the_whole_coil(whole):
-    """An eighth: the flux is parallel to both planes along the axis, and normal to the plane across."""
-    side = HALF
-    mesh = box(side, side, side)
-    planes = {"x-": "parallel", "y-": "parallel", "z-": "normal"}
-    sides = dict.fromkeys(("x+", "y+", "z+"), 0.0)
-    eighth = problem(symmetry=planes, potential=sides).solve(mesh)
-    assert 8.0 * eighth.energy == pytest.approx(whole.energy, rel=0.02)
-    x = np.random.default_rng(1).uniform(0.1, 1.9, (3, 200))
-    difference = eighth.flux_density_at(x) - whole.flux_density_at(x)
-    assert np.linalg.norm(difference) < 0.1 * np.linalg.norm(whole.flux_density_at(x))
 
 
 def test_an_image_is_a_coil_of_its_own():

@@ -2,16 +2,13 @@
 
 import numpy as np
 import pytest
-from helpers.devices import BORE, RIM, WIRE, tube, wire_mesh
-from helpers.devices import OUTER as RADIUS
 from helpers.exact_fields import overrating, true_error
 from helpers.meshes import apart, disk, ring
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt import find_elements
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.curved import Isoparametric, with_midside_offsets
+from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
@@ -93,35 +90,6 @@ def test_a_uniform_field_is_held_without_error(order):
     assert field.volume @ middle == pytest.approx(0.0, abs=1e-12)
 
 
-def test_straight_elements_of_a_second_order_mesh_are_as_they_were():
-    plain = round_mesh(5, curved=False)
-    for order in (2, 3):
-        problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
-        one, other = (
-            problem.solve(plain),
-            problem.solve(with_midside_offsets(plain, np.zeros((2, plain.facets.shape[1])))),
-        )
-        np.testing.assert_array_equal(other.values, one.values)
-        np.testing.assert_allclose(problem.indicators(other.mesh, other), problem.indicators(plain, one), rtol=1e-13)
-
-
-def test_points_between_arcs_and_chords_belong_to_the_element_that_reaches_there():
-    mesh = round_mesh(5)
-    shape, rng = Isoparametric(mesh), np.random.default_rng(1)
-    element = rng.integers(0, mesh.t.shape[1], 400)
-    share = rng.dirichlet([0.3, 0.3, 0.3], 400).T  # many near sides
-    x = shape.points(element, share)
-    located = lambda x: shape.locate(x, find_elements(shape.corners, x))  # noqa: E731
-    found, back = located(x)
-    np.testing.assert_array_equal(found, element)
-    np.testing.assert_allclose(back, share, atol=1e-12)
-    angle = rng.uniform(0.0, 2.0 * np.pi, 300)
-    rim = np.stack((np.cos(angle), np.sin(angle)))
-    assert np.all(located(0.9999 * rim)[0] >= 0) and np.all(located(1.0001 * rim)[0] == -1)
-    assert np.isin(located(0.3999 * rim)[0], mesh.subdomains["magnet"]).all()
-    assert np.isin(located(0.4001 * rim)[0], mesh.subdomains["air"]).all()
-
-
 def test_the_numbers_of_corners_may_stand_in_any_order():
     """scikit-fem sorts the corners of the elements of a `MeshTri`, not those of a `MeshTri2`."""
     mesh = round_mesh(5)
@@ -146,12 +114,3 @@ def test_a_rotor_turns_on_a_circle_of_curved_sides(order, steps):
     rim = {"1 outer": lambda x: x[1]}
     problem = Magnetostatics({"magnet": moment, "air": Material()}, rim, periodic=[pair], order=order)
     assert problem.solve(bent_on(mesh, 0.3, 0.5, 1.0)).torque("magnet") == pytest.approx(-np.sin(angle), abs=5e-4)
-
-
-def test_iron_that_saturates_around_a_round_wire():
-    """Exact energies without an extrapolation from two meshes, which chords need."""
-    mesh = bent_on(wire_mesh(10), WIRE, BORE, RIM, RADIUS)
-    field = tube(order=2).solve(mesh)
-    assert field.newton[-1].converged
-    assert field.energy == pytest.approx(6.7135511580, rel=1e-3)
-    assert field.potential[0] == pytest.approx(0.0393894788, rel=5e-4)

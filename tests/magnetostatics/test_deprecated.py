@@ -1,6 +1,5 @@
 """Functions that will be removed in 1.2 warn, say what to use, and give the same numbers as what they name."""
 
-import numpy as np
 import pytest
 from helpers.devices import CIRCUIT, TURNS, actuator
 
@@ -11,7 +10,6 @@ from kohonen_adapt.magnetostatics import (
     energy_inductance,
     lorentz_torque,
 )
-from kohonen_adapt.mesh.measures import area
 
 CURRENT = TURNS / CIRCUIT["go"]
 
@@ -23,26 +21,37 @@ def field():
     return problem.solve(mesh)
 
 
-def test_a_current_is_what_the_problem_was_given(field):
-    with pytest.warns(DeprecationWarning, match=r"^circuit_current is deprecated .* in 1\.2; use the current that you"):
-        found = circuit_current(field, CIRCUIT)
-    assert found == pytest.approx(CURRENT, rel=1e-12)
-    side = field.mesh.subdomains["go"]
-    assert found == pytest.approx(np.sum((area(field.mesh) * field.current_density)[side]) / CIRCUIT["go"], rel=1e-12)
+def linkage(field):
+    return sum(field.flux_linkage(name, turns) for name, turns in CIRCUIT.items())
 
 
-def test_an_inductance_is_linkage_or_energy_by_current(field):
-    linkage = sum(field.flux_linkage(name, turns) for name, turns in CIRCUIT.items())
-    with pytest.warns(DeprecationWarning, match=r"^apparent_inductance is .* 1\.2; use field\.flux_linkage\(coil, "):
-        assert apparent_inductance(field, CIRCUIT) == pytest.approx(linkage / CURRENT, rel=1e-12)
-    with pytest.warns(DeprecationWarning, match=r"^energy_inductance is .* in 1\.2; use 2 \* field\.energy / current"):
-        assert energy_inductance(field, CIRCUIT) == pytest.approx(2 * field.energy / CURRENT**2, rel=1e-12)
+DEPRECATED = {  # what is to be used instead: what is deprecated, and its value
+    "the current that you": (lambda field: circuit_current(field, CIRCUIT), lambda field: CURRENT),
+    r"field\.flux_linkage\(coil, ": (
+        lambda field: apparent_inductance(field, CIRCUIT),
+        lambda field: linkage(field) / CURRENT,
+    ),
+    r"2 \* field\.energy / current": (
+        lambda field: energy_inductance(field, CIRCUIT),
+        lambda field: 2 * field.energy / CURRENT**2,
+    ),
+    r"field\.torque\(coil, centre\)\.$": (
+        lambda field: lorentz_torque(field, "go", (0.0, 0.01)),
+        lambda field: pytest.approx(field.torque("go", (0.0, 0.01)), rel=0.05),
+    ),
+}
 
 
-def test_a_torque_is_that_of_the_field(field):
-    with pytest.warns(DeprecationWarning, match=r"^lorentz_torque is .* 1\.2; use field\.torque\(coil, centre\)\.$"):
-        found = lorentz_torque(field, "go", (0.0, 0.01))
-    assert found == pytest.approx(field.torque("go", (0.0, 0.01)), rel=0.05)
+@pytest.mark.parametrize("instead", DEPRECATED)
+def test_what_is_deprecated_names_what_to_use_and_has_its_value(instead, field):
+    old, new = DEPRECATED[instead]
+    with pytest.warns(DeprecationWarning, match=rf"^\w+ is deprecated .* 1\.2; use {instead}"):
+        found = old(field)
+    wanted = new(field)
+    assert found == (pytest.approx(wanted, rel=1e-12) if isinstance(wanted, float) else wanted)
+
+
+def test_the_torque_over_a_ring_of_air_is_deprecated(field):
     with (
         pytest.warns(DeprecationWarning, match=r"^arkkio_torque is .* 1\.2; use field\.torque\(body, centre\) of "),
         pytest.raises(ValueError, match="must be bounded by two circles"),

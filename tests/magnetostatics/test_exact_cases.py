@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 from helpers.exact_fields import Corner
-from helpers.meshes import disk
-from skfem import MeshTri
+from helpers.tensor_meshes import disk, equal_rings
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
@@ -13,20 +12,14 @@ MU0 = 4e-7 * np.pi
 
 
 def coax_mesh(rings):
-    """A core of 0.25 mm in a sheath from 0.76 to 0.99 mm: rings shifted onto these circles; `rings` a multiple of 4."""
-    mesh = disk(rings, 1.0)
-    radius = np.hypot(*mesh.p)
-    moved = np.interp(radius, [0.0, 0.25, 0.75, 1.0], [0.0, 0.25e-3, 0.76e-3, 0.99e-3])
-    mesh = MeshTri(mesh.p * moved / np.where(radius > 0, radius, 1.0), mesh.t)
-    middle = radius[mesh.t].mean(axis=0)
-    parts = {"core": middle < 0.25, "gap": (middle > 0.25) & (middle < 0.75), "sheath": middle > 0.75}
-    mesh = mesh.with_subdomains({name: np.flatnonzero(inside) for name, inside in parts.items()})
-    return mesh.with_boundaries({"rim": lambda x: np.hypot(*x) > 0.95e-3})
+    """A core of 0.25 mm in a sheath from 0.76 to 0.99 mm, of `rings` circles; a multiple of 4."""
+    radii = np.interp(equal_rings(rings, 1.0), [0.0, 0.25, 0.75, 1.0], [0.0, 0.25e-3, 0.76e-3, 0.99e-3])
+    return disk(radii, {"core": rings // 4, "gap": 3 * rings // 4, "sheath": rings})
 
 
 COAX = Magnetostatics(
     dict.fromkeys(("core", "gap", "sheath"), Material()),
-    potential={"rim": 0.0},
+    potential={"outer": 0.0},
     ampere_turns={"core": 1.0, "sheath": -1.0},
     order=1,
 )

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.devices import turned_magnet, two_magnets, uniform
+from helpers.devices import turned_magnet, two_magnets
 from helpers.examples import examples
 from helpers.sheets import MU0, line_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
@@ -56,19 +56,6 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
         assert abs(force[1]) < 1e-9 * wanted
     assert errors[2] < 1e-4
     assert 1.8 < -rate(rings, errors) < 2.5
-
-
-def test_arkkio_agrees_with_the_eggshell():
-    """On a round magnet in a uniform field, where both have the exact torque M x B times the area."""
-    mesh = disk(equal_rings(32, 0.02), {"magnet": 8, "near": 10, "gap": 14, "air": 32})
-    names = dict.fromkeys(("near", "gap", "air"), AIR)
-    magnet = Material(remanence=(MU0 * 1e6, 0.0))
-    problem = Magnetostatics({"magnet": magnet, **names}, potential={"outer": uniform(90)})
-    wanted = 1e6 * area_of(mesh, "magnet")
-    field = problem.solve(mesh)
-    assert arkkio_torque(field, "gap") == pytest.approx(wanted, rel=2e-3)
-    assert arkkio_torque(field, ["near", "gap"]) == pytest.approx(wanted, rel=2e-3)
-    assert field.torque("magnet") == pytest.approx(wanted, rel=2e-3)
 
 
 # --- theorems -------------------------------------------------------------------------------------------------------

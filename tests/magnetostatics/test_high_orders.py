@@ -5,9 +5,10 @@ import pytest
 from helpers.curved_meshes import curved_annulus, with_midsides
 from helpers.devices import BORE, CURRENT, RIM, curved_wire_mesh, tube
 from helpers.exact_fields import HALF, RECTANGLE, rectangle_mesh, sheet_field
+from helpers.own_curves import Ellipse
 from helpers.sheets import MU0
 from scipy.special import iv
-from skfem import Basis, ElementTriP1, MeshTri, MeshTri2
+from skfem import Basis, ElementTriP1, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import NotOffered
@@ -46,29 +47,6 @@ def test_arcs_are_exact():
     assert np.all(errors[1:] < 0.15 * errors[:-1])
     for field in fields:
         assert field.energy == pytest.approx(0.5 * field.squared_norm, rel=1e-12)
-
-
-def test_volumes_and_linkages_are_those_between_arcs():
-    """The mean of A = log(r / 3) / log(1 / 3) over the annulus from 1 to 3."""
-    mesh = curved_annulus(8)
-    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
-    field = Magnetostatics({"core": Material(), "shell": Material()}, {"inner": 1.0, "outer": 0.0}, order=7).solve(mesh)
-    low, high = np.hypot(*mesh.p[:, np.unique(mesh.facets[:, mesh.boundary_facets()])]).min(), np.hypot(*mesh.p).max()
-    area = np.pi * (high**2 - low**2)
-    assert field.volume.sum() == pytest.approx(area, rel=1e-12)
-    mean = (0.5 * (high**2 - low**2) - low**2 * np.log(high / low)) * np.pi / np.log(high / low) / area
-    assert field.flux_linkage("all") == pytest.approx(mean, rel=1e-8)
-
-
-def test_arcs_that_fold_elements_are_named():
-    """An arc leaves its chord at a steeper angle than the parabola through the same three nodes."""
-    p = np.array([[-1.0, 1.0, 0.0, 0.0, -0.5, 0.5], [0.0, 0.0, 4.0, 0.9, 2.0, 2.0]])
-    mesh = MeshTri2(p, np.array([[0], [1], [2]])).with_subdomains({"air": np.array([0])})
-    mesh = mesh.with_boundaries({"rim": mesh.boundary_facets()})
-    given = {"materials": {"air": Material()}, "potential": {"rim": 0.0}}
-    assert Magnetostatics(**given, order=3).solve(mesh).energy == 0.0
-    with pytest.raises(ValueError, match=r"arcs must not fold elements of order 4 and above; they fold 1, first elem"):
-        Magnetostatics(**given, order=4).solve(mesh)
 
 
 def test_saturated_iron_matches_the_exact_tube():
@@ -120,19 +98,6 @@ def test_the_order_of_a_solve_is_checked(order):
         Magnetostatics(RECTANGLE.materials, RECTANGLE.potential).solve(rectangle_mesh(1), order=order)
 
 
-class Ellipse:
-    """The ellipse with half axes 2 and 1, known by its projection only."""
-
-    def project(self, x):
-        angle = np.arctan2(2.0 * x[1], x[0])
-        for _ in range(30):  # Newton's method for the nearest point
-            cosine, sine = np.cos(angle), np.sin(angle)
-            slope = 2.0 * sine * (x[0] - 2.0 * cosine) - cosine * (x[1] - sine)
-            rate = 2.0 * cosine * (x[0] - 2.0 * cosine) + 4.0 * sine**2 + sine * (x[1] - sine) + cosine**2
-            angle = angle - slope / rate
-        return np.stack([2.0 * np.cos(angle), np.sin(angle)])
-
-
 def elliptic_conductor():
     circle = MeshTri.init_circle(2, smoothed=False)
     mesh = MeshTri(circle.p * np.array([[2.0], [1.0]]), circle.t)
@@ -140,7 +105,7 @@ def elliptic_conductor():
 
     def place(mesh, facets):
         middle = mesh.p[:, mesh.facets].mean(axis=1)
-        middle[:, mesh.boundaries["rim"]] = Ellipse().project(middle[:, mesh.boundaries["rim"]])
+        middle[:, mesh.boundaries["rim"]] = Ellipse(2.0, 1.0).project(middle[:, mesh.boundaries["rim"]])
         return middle
 
     return with_midsides(mesh, place)
@@ -150,7 +115,7 @@ def test_sides_follow_a_curve_that_is_known_by_its_projection():
     """In an elliptic conductor A is a polynomial of degree 2 that is zero on the ellipse."""
     mesh, errors, x = elliptic_conductor(), {}, np.random.default_rng(3).uniform(-0.6, 0.6, (2, 50))
     exact = MU0 * 1e6 / 2.0 * (4.0 / 5.0) * (1.0 - x[0] ** 2 / 4.0 - x[1] ** 2)
-    for sides in (None, {"rim": Ellipse()}):
+    for sides in (None, {"rim": Ellipse(2.0, 1.0)}):
         for order in (4, 6, 8):
             given = {"materials": {"wire": Material(current_density=1e6)}, "potential": {"rim": 0.0}}
             field = Magnetostatics(**given, order=order, sides=sides).solve(mesh)
@@ -162,6 +127,6 @@ def test_sides_follow_a_curve_that_is_known_by_its_projection():
 def test_wrong_sides_are_named():
     with pytest.raises(ValueError, match="sides must map boundary names to curves with a method project; got"):
         Magnetostatics({"air": Material()}, {"rim": 0.0}, sides={"rim": 1.0})
-    problem = Magnetostatics({"wire": Material()}, {"rim": 0.0}, order=4, sides={"ring": Ellipse()})
+    problem = Magnetostatics({"wire": Material()}, {"rim": 0.0}, order=4, sides={"ring": Ellipse(2.0, 1.0)})
     with pytest.raises(ValueError, match="boundary 'ring' is not in the mesh; it has 'rim'"):
         problem.solve(elliptic_conductor())

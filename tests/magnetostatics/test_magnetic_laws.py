@@ -104,9 +104,7 @@ def test_any_rising_table_is_a_rising_law(steps):
     ("points", "message"),
     [
         ([(1.0, 100.0)], r"bh must have at least two points besides \(0, 0\); got 1\. For a constant permeability"),
-        ([(0.0, 0.0)], r"at least two points besides \(0, 0\); got 0\."),
         ([(0.5, 50.0), (1.0, 40.0)], r"strictly increasing from \(0, 0\); 0\.5 T, 50 A/m precedes 1 T, 40 A/m\."),
-        ([(0.5, 50.0), (0.5, 60.0)], "B and H strictly increasing"),
         ([(-0.5, -50.0), (0.5, 50.0)], r"strictly increasing from \(0, 0\); 0 T, 0 A/m precedes -0\.5 T, -50 A/m\."),
         ([(0.5, 50.0), (1.0, np.nan)], r"bh must be finite; row 1 is \[1\.0, nan\]\."),
         ([1.0, 2.0], r"bh must have shape \(n, 2\), columns B in T and H in A/m; got \(2,\)\."),
@@ -126,10 +124,6 @@ def test_any_rising_table_is_a_rising_law(steps):
         (
             [(b, h / 1e3) for b, h in STEEL],  # kiloampere per metre
             r"relative permeability up to .* more than any steel: H must be in A/m",
-        ),
-        (
-            [(1e4 * b, h) for b, h in STEEL],
-            r"polarisation B - mu0 H up to 2\.\d+e\+04 T, .*\(1 gauss = 1e-4 T\)",
         ),
         ([(h, b) for b, h in STEEL], r"polarisation B - mu0 H up to 1\.7e\+05 T, .* first column"),
         (
@@ -167,7 +161,6 @@ def test_a_table_that_ends_early_warns():
             (1.0, 2.0),
             r"permeability of Froehlich, relative and at B = 0, must be a finite number > 1; got 1\.",
         ),
-        (Froehlich, (1000.0, -2.0), r"saturation of Froehlich must be a finite number > 0; got -2\.0\."),
         (Arctan, ("iron", 2.0), r"permeability of Arctan, relative and at B = 0, must .* got 'iron'\."),
     ],
 )
@@ -195,10 +188,7 @@ def test_files_of_points(tmp_path, text):
     ("text", "message"),
     [
         ("0.5,100\n1.5,steel\n", r"line 2: expected two numbers, B in T and H in A/m; got '1\.5,steel'\."),
-        ("B,H\nT,A/m\n0.5,100\n", r"line 2: expected two numbers, B in T and H in A/m; got 'T,A/m'\."),
         ("0.5,100,3\n", r"line 1: expected two numbers"),
-        ("", r"at least two points besides \(0, 0\); got 0\."),
-        ("1.5,1000\n", r"at least two points besides \(0, 0\); got 1\."),
         ("B,H\n0.5,100\n1.5,1000\n1.4,2000\n", r"1\.5 T, 1000 A/m precedes 1\.4 T, 2000 A/m\."),
         ("B (G),H (Oe)\n5000,1\n15000,12\n20000,400\n", r"B must be in tesla \(1 gauss = 1e-4 T\).* oersted"),
     ],

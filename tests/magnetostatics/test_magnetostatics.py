@@ -1,5 +1,7 @@
 """Magnetostatics against exact fields, energy identities and wrong input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.exact_fields import (
@@ -24,20 +26,6 @@ def true_error(mesh, field, exact):
     basis = Basis(mesh, ElementTriP1(), intorder=12)
     difference = field.flux_density[:, :, None] - exact(np.asarray(basis.global_coordinates()))
     return np.sqrt(np.sum(field.reluctivity[:, None] * np.sum(difference**2, axis=0) * basis.dx))
-
-
-def rate(sizes, errors):
-    """Exponent of the fit errors ~ sizes^rate."""
-    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
-
-
-def overrating(problem, mesh, field, error):
-    """What the estimate of a problem is of the true error."""
-    return np.linalg.norm(problem.indicators(mesh, field)) / error
-
-
-def with_estimator(problem, name):
-    return Magnetostatics(problem.materials, potential=problem.potential, estimator=name, order=1)
 
 
 # --- exact: a transverse cylinder in a finite disk --------------------------------------------------------------
@@ -65,10 +53,11 @@ def test_rectangle_magnet_converges_to_its_exact_field():
         here, there = field.flux_density_at(points), field.potential_at(points)
         assert np.max(np.abs(here - sheet_field(points))) < 0.2 / n
         assert np.max(np.abs(there - sheet_potential(points))) < 6e-4 / n**2
-        assert 0.9 < overrating(RECTANGLE, mesh, field, errors[-1]) < 1.1
-        assert 0.95 < overrating(with_estimator(RECTANGLE, "recovery"), mesh, field, errors[-1]) < 1.05
-        assert 1.0 < overrating(with_estimator(RECTANGLE, "equilibrated"), mesh, field, errors[-1]) < 1.1
-    assert 0.8 < -rate(fineness, errors) < 1.0
+        bands = {"residual": (0.9, 1.1), "recovery": (0.95, 1.05), "equilibrated": (1.0, 1.1)}
+        for name, (low, high) in bands.items():
+            estimate = np.linalg.norm(replace(RECTANGLE, estimator=name).indicators(mesh, field))
+            assert low < estimate / errors[-1] < high
+    assert 0.8 < -np.polyfit(np.log(fineness), np.log(errors), 1)[0] < 1.0
 
 
 # --- exact in every mesh: what P1 holds without error ------------------------------------------------------------
@@ -188,7 +177,6 @@ def test_a_mesh_without_free_nodes_has_the_given_potential():
     ("arguments", "message"),
     [
         ({"permeability": 0.0}, r"permeability must be positive \(relative to vacuum, air 1\.0\); got 0\.0\."),
-        ({"permeability": -5}, "permeability must be positive"),
         ({"permeability": np.inf}, r"permeability must be finite; got inf\."),
         ({"permeability": "iron"}, r"permeability must be a number; got 'iron'\."),
         ({"remanence": 1.2}, r"remanence must have two components \(x, y\); got 1\.2\."),
@@ -228,7 +216,6 @@ def test_materials_are_values():
     [
         ({"potential": None}, r"potential must fix A on at least one boundary, .* up to a constant; got None\."),
         ({"potential": {}}, r"potential must fix A on at least one boundary, .* up to a constant; got {}\."),
-        ({"potential": 0.0}, r"potential must fix A on at least one boundary, .* got 0\.0\."),
         ({"estimator": "jump"}, r"estimator must be one of 'residual', 'recovery', 'equilibrated'; got 'jump'\."),
         ({"materials": {"iron": 1000.0}}, r"materials\['iron'\] must be a Material; got 1000\.0\."),
         ({"materials": ["iron"]}, r"materials must map subdomain names to Materials; got \['iron'\]\."),
@@ -255,7 +242,6 @@ AIR = Material()
         (LAYERS, {"rim": 0.0}, r"boundary 'rim' is not in the mesh; it has 'bottom', 'left', 'right', 'top'\."),
         (LAYERS, np.nan, r"potential of 'left' must be finite; it is not at 19 of 19 points, first "),
         (LAYERS, lambda x: x, r"potential of 'left' must have shape \(n,\) = \(19,\); got \(2, 19\)\."),
-        (LAYERS, lambda x: x[0] / 0.0, r"potential of 'left' must be finite; it is not at 19 of 19 points, first "),
     ],
 )
 @pytest.mark.filterwarnings("ignore:invalid value")

@@ -82,16 +82,6 @@ def second_order(folder, around=10):
     return write_second_order(folder / "rotor.msh", mesh, on_circles(mesh, facets), version="4.1")
 
 
-def test_a_file_of_second_order_shows_the_bore_to_be_round(tmp_path):
-    path = second_order(tmp_path)
-    mesh = ka.read_mesh(path, scale=1e-3)
-    result = grown(mesh, problem(), curves=ka.read_curves(path, mesh, scale=1e-3))
-    assert result.error is None
-    off, nodes = off_bore(result.mesh)
-    assert off < 1e-9
-    assert nodes > 10
-
-
 CASE = """
 mesh = "rotor.msh"
 scale = 1e-3
@@ -126,11 +116,3 @@ def test_check_says_that_a_coarse_bore_is_taken_for_a_polygon(tmp_path, capsys):
         'curves={"inner": ka.Arc((0, 0), 0.01)}, in a case adapt.curves.inner = {curve = "arc", centre = [0, 0], '
         "radius = 0.01}."
     ]
-
-
-def test_check_says_nothing_of_squares(tmp_path, capsys):
-    ticks = np.linspace(-0.5, 0.5, 2)
-    mesh = MeshTri.init_tensor(ticks, ticks).with_boundaries({"rim": lambda x: x[0] < 9})
-    ka.write_mesh(tmp_path / "it.msh", mesh)
-    cli.main(["check", str(tmp_path / "it.msh")])
-    assert "circle" not in capsys.readouterr().out

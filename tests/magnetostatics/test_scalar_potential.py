@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers.magnet_solids import blocks, dipole, graded, nested_balls
+from helpers.magnet_solids import blocks, cuboids, dipole, nested_balls
 from helpers.sheets import MU0
 from helpers.solids import box
 from scipy.optimize import brentq
@@ -231,14 +231,6 @@ def test_magnets_that_turn(balls):
         of_order_1({"ball": Material(remanence=radial(1.0)), "air": AIR}).solve(balls[0])
 
 
-PLACES = {"a": ((-0.010, -0.010, -0.005), (0.010, 0.010, 0.005)), "b": ((-0.006, -0.010, 0.010), (0.014, 0.010, 0.020))}
-
-
-def cuboids(step, layers):
-    marks = ([-0.010, -0.006, 0.010, 0.014], [-0.010, 0.010], [-0.005, 0.005, 0.010, 0.020])
-    return blocks([graded(each, step, 0.06, layers) for each in marks], PLACES)
-
-
 def test_cuboid_magnets_against_magpylib():
     """B at points, force and torque between two; of first order and better than that."""
     magpylib = pytest.importorskip("magpylib", reason="magpylib is the oracle; it is in the test extra")
@@ -253,7 +245,7 @@ def test_cuboid_magnets_against_magpylib():
     exact = magpylib.getB([one, other], x.T, sumup=True).T
     errors = []
     for step, layers in ((0.005, 3), (0.0025, 5)):
-        field = of_order_1(materials, {"outer": 0.0}).solve(cuboids(step, layers))
+        field = of_order_1(materials, {"outer": 0.0}).solve(cuboids(step, layers=layers))
         pairs = (
             (field.flux_density_at(x, recovered=True), exact),
             (field.force("b"), force),

@@ -9,7 +9,7 @@ from helpers.sheets import MU0
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy
 from kohonen_adapt.magnetostatics.solid_estimation import at_edges
 from kohonen_adapt.plotting import plot_slice
 
@@ -179,25 +179,6 @@ def rate(errors):
     return float(np.log2(np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])))
 
 
-def test_rates_of_quantities():
-    """B and fluxes by nearly the square of the size of elements; energies, forces and torques by the fourth power."""
-    _, fields = solved_waves()
-    x, whole = np.random.default_rng(0).uniform(-0.9, 0.9, (3, 400)), ((-1.0,) * 3, (1.0,) * 3)
-    assert rate([each.flux_density_at(x) + MU0 * slope_of_harmonic_wave(x) for each in fields]) > 1.7
-    assert rate([each.potential_at(x) - harmonic_wave(x) for each in fields]) > 2.7
-    assert rate([each.energy - exact_energy(whole) for each in fields]) > 3.5
-    assert rate([each.coenergy - exact_energy(whole) for each in fields]) > 3.5
-    assert rate([each.force("body") for each in fields]) > 3.0  # nothing pulls at air
-    assert rate([each.torque("body", (0.1, 0.2, 0.0)) for each in fields]) > 3.0
-    assert rate([each.flux("part") + MU0 * _flux_of_wave() for each in fields]) > 1.4
-
-
-def _flux_of_wave():
-    at, weight = np.polynomial.legendre.leggauss(12)
-    y, z = np.meshgrid(0.5 + 0.5 * at, at, indexing="ij")
-    return 0.5 * float(np.sum(np.outer(weight, weight) * slope_of_harmonic_wave(np.stack((np.ones_like(y), y, z)))[0]))
-
-
 def test_a_cut_is_drawn_by_a_quadratic_potential(tmp_path):
     mesh = bent()
     problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
@@ -223,18 +204,6 @@ def test_the_error_of_an_energy_is_told():
         assert np.sum(problem.indicators(field.mesh, field) ** 2) > 0.5 * abs(error)
         errors.append(error)
     assert rate(errors) > 3.0
-
-
-@pytest.mark.parametrize("goal", [Force("magnet", (0.0, 1.0, 2.0)), Torque("magnet", (0.1, 0.0, 0.0), (1.0, 0.0, 0.0))])
-@pytest.mark.parametrize("order", HIGH)
-def test_derivatives_of_goals_are_those_of_the_values(order, goal):
-    mesh = bent()
-    materials = {"magnet": Material(remanence=(0.3, 0.0, 1.2)), "iron": Material(bh=Froehlich(500.0, 1.6)), "air": AIR}
-    field = MagneticScalarPotential(materials, RIM, order=order, goal=goal).solve(mesh)
-    change = 1e-6 * np.random.default_rng(0).normal(size=field.unknown.size) * np.abs(field.unknown).max()
-    one, other = (goal(replace(field, unknown=field.unknown + sign * change)) for sign in (1.0, -1.0))
-    parts = np.sum(goal.derivative(field)[1] * field.elements.gradient(change), axis=0) * field.point_volumes
-    assert parts.sum() == pytest.approx(0.5 * (one - other), abs=1e-5 * np.abs(parts).sum())
 
 
 def test_the_default_is_order_2_but_for_estimators_of_order_1():

@@ -81,28 +81,6 @@ def test_rate_of_a_magnetised_ball():
     assert np.log2(errors[0] / errors[1]) > 0.8
 
 
-@pytest.mark.parametrize(
-    ("iron", "outside"),
-    [(Material(permeability=500.0), {"outer": 0.0}), (STEEL, None), (STEEL, {"z+": 3e4, "z-": 0.0})],
-)
-def test_refinement_raises_the_lower_and_lowers_the_upper_bound(magnets, iron, outside):
-    bounds = []
-    for mesh in magnets:
-        arguments = {"magnet": MAGNET, "iron": iron, "air": AIR}, outside
-        upper = MagneticScalarPotential(*arguments, order=1).solve(mesh).coenergy
-        functional, start = MagneticVectorPotential(*arguments).functional_on(mesh)
-        field = MagneticVectorPotential(*arguments).solve(mesh)
-        at_rest = np.sum(
-            start.volume
-            * (start.coefficients.law_coenergy(np.linalg.norm(start.coefficients.coercivity, axis=0)[None]))
-        )
-        bounds += [-functional.value(field.unknown)[0] - at_rest, upper]
-        if outside is None:
-            assert np.isclose(-field.energy, bounds[-2], rtol=1e-9)  # int H . B = 0 for magnets alone
-    lower, upper, finer_lower, finer_upper = bounds
-    assert lower < finer_lower < finer_upper < upper
-
-
 def test_fluxes_out_of_closed_surfaces_sum_to_zero(magnets):
     mesh = magnets[0]
     around = mesh.facets_around("iron")
