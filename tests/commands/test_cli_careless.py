@@ -157,14 +157,6 @@ def test_check_counts_what_it_found(tmp_path, capsys):
     assert "No faults found" not in said
 
 
-def test_a_size_that_is_unusual_is_a_hint(tmp_path, capsys):
-    ka.write_mesh(tmp_path / "it.msh", bar_in_air(1e-5))
-    status, said = said_by(capsys, "check", tmp_path / "it.msh")
-    assert status == 0
-    assert "the mesh is 1e-05 x 1e-05 m: a scale of 1 looks too small." in said
-    assert "No faults found" in said
-
-
 @pytest.mark.parametrize(
     ("toml", "hints"),
     [

@@ -1,6 +1,5 @@
 """What a case can say, by the real command, gives the figures of Python; and no argument is forgotten."""
 
-import csv
 import inspect
 import re
 import shutil
@@ -13,7 +12,8 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 import pytest
-from helpers.meshes import disk, inset, square
+from helpers.cases import dry_run, table_of
+from helpers.meshes import inset, square
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
@@ -35,7 +35,6 @@ from kohonen_adapt.magnetostatics import (
     halbach,
     radial,
 )
-from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -138,8 +137,7 @@ def run(tmp_path, monkeypatch):
     def rows(text):
         (tmp_path / "case.toml").write_text(text)
         assert cli.main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out")]) == 0
-        with (tmp_path / "out" / "history.csv").open(newline="") as stream:
-            return list(csv.DictReader(stream))
+        return table_of(tmp_path / "out" / "history.csv")
 
     return rows
 
@@ -245,21 +243,9 @@ def test_the_whole_rim_of_a_mesh_without_named_lines(run, tmp_path):
     assert cli.main(["run", str(again), "--dry-run"]) == 0
 
 
-def test_the_whole_rim_may_be_open(run, tmp_path):
-    """Nothing but air in a uniform field: that is the field, up to the chords of the circle."""
-    mesh = disk(8, 0.1)
-    ka.write_mesh(tmp_path / "m.msh", mesh.with_subdomains({"air": np.arange(mesh.t.shape[1])}))
-    rows = run(
-        'mesh = "m.msh"\nrim = "far"\nopen_boundary = "far"\napplied_field = [0.0, 8e5]\nmaterials.air = {}\n'
-        'adapt.passes = 0\noutputs.b = {quantity = "flux_density", at = [0.01, 0.02], component = "y"}\n'
-    )
-    assert float(rows[0]["output b (T)"]) == pytest.approx(VACUUM_PERMEABILITY * 8e5, rel=2e-3)
-
-
 @pytest.mark.parametrize("name", ["left", "core"])
 def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_path, capsys):
-    (tmp_path / "case.toml").write_text(case_text(f'rim = "{name}"'))
-    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(tmp_path / "case.toml", case_text(f'rim = "{name}"')) == 2
     said = f"case.toml: mesh: rim must be a new name for the whole rim of the mesh, which already has another '{name}'"
     assert said in capsys.readouterr().err
 
@@ -292,15 +278,13 @@ def test_a_name_for_the_rim_that_means_something_else_is_refused(name, run, tmp_
     ],
 )
 def test_what_does_not_fit_the_mesh_is_refused_before_the_run(toml, said, run, tmp_path, capsys):
-    (tmp_path / "case.toml").write_text(case_text(toml))
-    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(tmp_path / "case.toml", case_text(toml)) == 2
     assert f"case.toml: {said}" in capsys.readouterr().err
 
 
 def test_a_mesh_without_named_lines_is_told_how_to_name_its_rim(tmp_path, capsys):
     ka.write_mesh(tmp_path / "m.msh", inset(8))
-    (tmp_path / "case.toml").write_text(case_text(""))
-    assert cli.main(["run", str(tmp_path / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(tmp_path / "case.toml", case_text("")) == 2
     said = "potential must name a boundary, but no boundary of the mesh file has a name:"
     assert f'case.toml: {said} write rim = "outer"' in capsys.readouterr().err
 

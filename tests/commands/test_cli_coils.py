@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.cases import dry_run
 from helpers.magnet_solids import blocks
 from helpers.worlds import without_matplotlib
 
@@ -79,16 +80,14 @@ def test_check_lists_coils(folder, capsys):
     ],
 )
 def test_bad_coils_are_refused_before_anything_is_solved(text, said, folder, capsys):
-    (folder / "case.toml").write_text(CASE.replace("COIL", text))
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(folder / "case.toml", CASE.replace("COIL", text)) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
 
 
 def test_coils_are_for_tetrahedra(folder, capsys):
     text = CASE.replace("COIL", next(iter(SHAPES))).replace("[materials.limb]", "depth = 2.0\n[materials.limb]")
-    (folder / "case.toml").write_text(text)
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(folder / "case.toml", text) == 2
     assert "depth is for meshes of triangles only, but the case has coils, for tetrahedra" in capsys.readouterr().err
 
 
@@ -102,8 +101,7 @@ def test_a_case_with_a_coil_is_solved(folder):
 @pytest.mark.parametrize(("current", "count"), [("1e3", 0), ("1e9", 1)])
 def test_a_current_that_no_winding_has(current, count, folder, capsys):
     text = CASE.replace("COIL", next(iter(SHAPES))).replace("ampere_turns = 1e3", f"ampere_turns = {current}")
-    (folder / "case.toml").write_text(text)
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 0
+    assert dry_run(folder / "case.toml", text) == 0
     said = capsys.readouterr()
     assert (said.out + said.err).count("coil 'winding' has 6.25e+11 A/m^2, and windings have about 10^6") == count
 

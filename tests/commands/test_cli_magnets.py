@@ -1,6 +1,5 @@
 """The commands `init` and `run` on tetrahedra: magnets by the keys of the plane, with three components."""
 
-import csv
 import re
 import tomllib
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from helpers.cases import dry_run, table_of
 from helpers.magnet_solids import blocks
 from helpers.worlds import without_matplotlib
 from skfem import MeshTet, MeshTri
@@ -92,8 +92,7 @@ def test_run_adapts_as_python_does(folder, capsys):
     pull = Force("magnet", (0.0, 0.0, 1.0))
     problem = MagneticScalarPotential(materials, POTENTIAL, symmetry={"z-": "normal"}, goal=pull)
     result = ka.adapt(ka.read_mesh(folder / "half.msh", scale=1e-3), problem, passes=1)
-    with (folder / "out" / "history.csv").open(newline="") as stream:
-        last = list(csv.DictReader(stream))[-1]
+    last = table_of(folder / "out" / "history.csv")[-1]
     field = result.solution
     assert float(last["output pull (N)"]) == pytest.approx(field.force("magnet")[2], rel=1e-6)
     assert float(last["output through (Wb)"]) == pytest.approx(field.flux("z-"), rel=1e-6)
@@ -145,8 +144,7 @@ def test_init_writes_a_case_that_runs(folder, capsys):
 )  # fmt: skip
 def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, before, after, said):
     assert before in CASE
-    (folder / "case.toml").write_text(CASE.replace(before, after, 1))
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(folder / "case.toml", CASE.replace(before, after, 1)) == 2
     assert said in capsys.readouterr().err
 
 
@@ -170,8 +168,7 @@ def test_goals_by_their_keys(folder):
 def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     """What could be a case of the plane is one of tetrahedra if the mesh is; what is of the plane alone is refused."""
     plain = CASE.replace('symmetry = {"z-" = "normal"}', "depth = 2.0").replace("remanence = [0.0, 0.0, 1.2]", "")
-    (folder / "case.toml").write_text(plain)
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(folder / "case.toml", plain) == 2
     assert "depth: for meshes of triangles only" in capsys.readouterr().err
     (folder / "case.toml").write_text(plain.replace("depth = 2.0", ""))
     case = read_case(folder / "case.toml")
@@ -192,8 +189,7 @@ def test_order_and_estimator_of_tetrahedra_without_other_keys_of_space(key, orde
 
 def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
     plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 7").replace("remanence = [0.0, 0.0, 1.2]", "")
-    (folder / "case.toml").write_text(plain)
-    assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 2
+    assert dry_run(folder / "case.toml", plain) == 2
     assert "order of the elements must be a whole number from 1 to 6, or 'auto'; got 7." in capsys.readouterr().err
     for key in ("z", "x"):
         text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
@@ -241,8 +237,7 @@ def test_bounds_that_a_potential_prevents_are_refused_before_the_run(tmp_path, c
 def test_bounds_by_both_potentials_are_for_tetrahedra(tmp_path, capsys):
     ka.write_mesh(tmp_path / "flat.msh", box_of_triangles())
     text = 'mesh = "flat.msh"\nbracket = true\n[materials.air]\n[potential]\nleft = 0.0\n'
-    (tmp_path / "flat.toml").write_text(text)
-    assert cli.main(["run", str(tmp_path / "flat.toml"), "--dry-run"]) != 0
+    assert dry_run(tmp_path / "flat.toml", text) != 0
     assert "bracket: for meshes of tetrahedra only" in capsys.readouterr().err
 
 

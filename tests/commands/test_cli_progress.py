@@ -130,6 +130,7 @@ def test_demo_shows_every_step(tmp_path):
     first = [f"pass 0 of 12: {step}" for step in ("solve", "estimate")]
     shown, _, written = shown_by("demo", "magnet", "--out", tmp_path)
     assert shown == [*first, *steps, "draw"]
+    assert {file.name for file in tmp_path.iterdir()} == {"magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"}
     assert re.search(r"^(.*\r)?pass 2: 4\d\d nodes of order 4, estimate", written, re.MULTILINE)
 
 

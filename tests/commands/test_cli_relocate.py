@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import skfem
+from helpers.mesh_files import of_meshio
 from helpers.meshes import l_shape
 from numpy.testing import assert_array_equal
 from skfem.helpers import dot, grad
@@ -38,12 +39,6 @@ def solved(file):
     return mesh, u, float(np.sqrt(squared.assemble(basis, u=basis.interpolate(u))))
 
 
-def write_field(path, mesh, **data):
-    """A VTU file by meshio, as another program would write it."""
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    meshio.Mesh(points, [("triangle", mesh.t.T)], **data).write(path)
-
-
 @pytest.fixture
 def source(tmp_path):
     mesh = l_shape(8)
@@ -62,7 +57,7 @@ def test_a_field_of_another_mesh_names_its_own(moved, source, capsys):
     mesh = ka.read_mesh(source)
     other = mesh.refined([0]) if moved == "some nodes" else ka.relocate(mesh, lambda x: 1.0 / (0.1 + np.hypot(*x)))
     field, own = source.with_name("adapted.vtu"), source.with_name("adapted.msh")
-    write_field(field, other, cell_data={"rho": [np.ones(other.nelements)]})
+    of_meshio(other, cell_data={"rho": [np.ones(other.nelements)]}).write(field)
     for belongs in ("", f" The field belongs to '{own}'."):
         assert move(source, field)[0] == 2
         said = capsys.readouterr().err
@@ -78,7 +73,7 @@ def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, ca
         mesh, u, _ = solved(source)
         rho = ka.density_from_indicators(mesh, ka.estimators.residual(mesh, u, np.ones(mesh.t.shape[1])))
         nodal = np.bincount(mesh.t.ravel(), np.tile(rho, 3)) / np.bincount(mesh.t.ravel())
-        write_field(tmp_path / "f.vtu", mesh, **{kind: {"rho": [rho] if kind == "cell_data" else nodal}})
+        of_meshio(mesh, **{kind: {"rho": [rho] if kind == "cell_data" else nodal}}).write(tmp_path / "f.vtu")
         code, out = move(source, tmp_path / "f.vtu", "--topology", "recycle")
         assert code == 0
         source = out.rename(tmp_path / "step.msh")
@@ -92,34 +87,20 @@ def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, ca
     assert len(re.findall(wrote, said)) == 2
 
 
-def test_it_is_what_the_library_does(source, tmp_path, capfd):
-    mesh = ka.read_mesh(source)
-    rho = 1.0 + mesh.p[0][mesh.t].mean(axis=0) ** 2
-    write_field(tmp_path / "f.vtu", mesh, cell_data={"rho": [rho]})
-    options = ["--topology", "flip", "--min-quality", "0.4", "--pinned", "rim", "3", "--seed", "5", "--quiet"]
-    code, out = move(source, tmp_path / "f.vtu", *options)
-    wanted = ka.relocate(mesh, rho, topology="flip", min_quality=0.4, pinned=["rim", 3], seed=5)
-    assert code == 0
-    assert_array_equal(ka.read_mesh(out).p, wanted.p)
-    assert capfd.readouterr().out == ""
-
-
-def test_periodic_and_layers(tmp_path):
+def test_it_is_what_the_library_does(tmp_path, capfd):
     mesh = skfem.MeshTri.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 1, 9))
     mesh = mesh.with_subdomains({"gap": lambda x: (x[1] > 0.25) & (x[1] < 0.5), "rest": lambda x: x[1] < 0.25})
-    mesh = mesh.with_boundaries({"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1})
-    ka.write_mesh(tmp_path / "before.msh", mesh)
+    sides = {"left": lambda x: x[0] == 0, "right": lambda x: x[0] == 1, "floor": lambda x: x[1] == 0}
+    ka.write_mesh(tmp_path / "before.msh", mesh.with_boundaries(sides))
     mesh = ka.read_mesh(tmp_path / "before.msh")
     rho = 1.0 + 9.0 * mesh.p[1][mesh.t].mean(axis=0)
-    write_field(tmp_path / "f.vtu", mesh, cell_data={"rho": [rho]})
-    code, out = move(
-        tmp_path / "before.msh", tmp_path / "f.vtu", "--periodic", "left", "right", "--layers", "gap", "2", "--quiet"
-    )
-    assert code == 0
-    after = ka.read_mesh(out)
-    heights = [np.sort(after.p[1, np.unique(after.facets[:, after.boundaries[name]])]) for name in ("left", "right")]
-    assert_array_equal(*heights)
-    assert_array_equal(after.p, ka.relocate(mesh, rho, periodic=[("left", "right")], layers={"gap": 2}).p)
+    of_meshio(mesh, cell_data={"rho": [rho]}).write(tmp_path / "f.vtu")
+    words = "--topology flip --min-quality 0.4 --pinned floor 3 --seed 5 --quiet --periodic left right --layers gap 2"
+    code, out = move(tmp_path / "before.msh", tmp_path / "f.vtu", *words.split())
+    options = {"min_quality": 0.4, "pinned": ["floor", 3], "seed": 5, "periodic": [("left", "right")]}
+    wanted = ka.relocate(mesh, rho, topology="flip", layers={"gap": 2}, **options)
+    assert code == 0 and capfd.readouterr().out == ""
+    assert_array_equal(ka.read_mesh(out).p, wanted.p)
 
 
 def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
@@ -137,32 +118,28 @@ def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
     nodes, triangles = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
     other = skfem.MeshTri(mesh.p[:, nodes], np.argsort(nodes)[mesh.t][:, triangles])
     rho = np.arange(1.0, mesh.t.shape[1] + 1) if kind == "cell_data" else 1.0 + mesh.p[0]
-    write_field(tmp_path / "f.vtu", other, **{kind: {"rho": [rho[triangles]] if kind == "cell_data" else rho[nodes]}})
+    of_meshio(other, **{kind: {"rho": [rho[triangles]] if kind == "cell_data" else rho[nodes]}}).write(
+        tmp_path / "f.vtu"
+    )
     wanted = rho if kind == "cell_data" else rho[mesh.t].mean(axis=0)
     assert np.allclose(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), wanted, rtol=1e-14)
 
 
 def spoilt(mesh, how):
-    """A field file that does not fit, as arguments of `write_field`."""
+    """A field file that does not fit, as mesh and arguments of `of_meshio`."""
     rho = {"rho": [np.ones(mesh.t.shape[1])]}
     if how == "shifted":
         return mesh.translated((0.1, 0.0)), {"cell_data": rho}
     if how == "millimetres":
         return mesh.scaled(1e3), {"cell_data": rho}
-    if how == "refined":
-        return mesh.refined(1), {"cell_data": {"rho": [np.ones(4 * mesh.t.shape[1])]}}
     if how == "flipped":
         t = mesh.t.copy()
         t[:, 0] = t[:, 1]
         return skfem.MeshTri(mesh.p, t, validate=False), {"cell_data": rho}
     if how == "broken":
         return skfem.MeshTri(np.where(mesh.p == 1.0, np.nan, mesh.p), mesh.t, validate=False), {"cell_data": rho}
-    if how == "absent":
-        return mesh, {"cell_data": {"other": rho["rho"]}}
     if how == "twice":
         return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.p.shape[1])}}
-    if how == "vector":
-        return mesh, {"cell_data": {"rho": [np.tile([1.0, 1.0, 0.0], (mesh.t.shape[1], 1))]}}
     return mesh, {"cell_data": {"rho": [np.full(mesh.t.shape[1], {"negative": -1.0, "nan": np.nan}[how])]}}
 
 
@@ -174,19 +151,16 @@ def spoilt(mesh, how):
             "millimetres",
             "at a scale of 1; its scale is 1000, so the units differ. Use --scale 1000 (metres per unit",
         ),
-        ("refined", "read_field expected a field on the mesh, of"),
         ("flipped", "a triangle is "),
         ("broken", "read_field expected finite coordinates;"),
-        ("absent", "has no field 'rho'; its fields are: 'other'."),
         ("twice", "has 'rho' at points and in cells; rename one of them."),
-        ("vector", "must be one real number or a tensor per node or element; got 3 components."),
         ("negative", "density"),
         ("nan", "density"),
     ],
 )
 def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
     mesh, data = spoilt(ka.read_mesh(source), how)
-    write_field(tmp_path / "f.vtu", mesh, **data)
+    of_meshio(mesh, **data).write(tmp_path / "f.vtu")
     code, out = move(source, tmp_path / "f.vtu", "--quiet")
     assert code == 2 and not out.exists()
     error = capsys.readouterr().err

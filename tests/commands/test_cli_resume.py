@@ -1,9 +1,7 @@
 """A run that is interrupted, killed or out of disk leaves whole files, and goes on to what it would have been."""
 
-import csv
 import errno
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -13,8 +11,8 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import INSET
-from helpers.meshes import inset
+from helpers.cases import INSET as CASE
+from helpers.cases import case_in, table_of
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
@@ -24,23 +22,15 @@ from kohonen_adapt.magnetostatics import Magnetostatics
 
 ROOT = Path(__file__).parents[2]
 
-CASE = INSET
 
 COMMAND = "import sys; from kohonen_adapt.__main__ import main; sys.exit(main())"
 # Pictures would take most of the time.
 PLAIN_COMMAND = f"import sys; sys.modules['matplotlib'] = None; {COMMAND}"
 
 
-def case_in(folder, mesh, text=CASE):
-    ka.write_mesh(folder / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
-    (folder / "case.toml").write_text(text)
-    return folder / "case.toml"
-
-
 @pytest.fixture
 def case(tmp_path):
-    """Of 81 nodes."""
-    return case_in(tmp_path, inset(8))
+    return case_in(tmp_path)
 
 
 @pytest.fixture(autouse=True)
@@ -58,20 +48,14 @@ def straight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("straight")
     with pytest.MonkeyPatch.context() as patched:
         without_matplotlib(patched)
-        assert run(case_in(folder, inset(8)), "--out", folder / "out") == 0
+        assert run(case_in(folder), "--out", folder / "out") == 0
     return folder / "out"
-
-
-def history(folder):
-    """The rows of the table of passes, without times."""
-    with (folder / "history.csv").open(newline="") as stream:
-        return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(stream)]
 
 
 def assert_same_results(one, other):
     for name in ("adapted.msh", "adapted.vtu"):
         assert (one / name).read_bytes() == (other / name).read_bytes()
-    assert history(one) == history(other)
+    assert table_of(one / "history.csv") == table_of(other / "history.csv")
 
 
 def assert_whole(folder):
@@ -81,7 +65,7 @@ def assert_whole(folder):
     if (folder / "adapted.vtu").exists():
         meshio.read(folder / "adapted.vtu")
     if (folder / "history.csv").exists():
-        assert all(float(row["estimate"]) > 0.0 for row in history(folder))
+        assert all(float(row["estimate"]) > 0.0 for row in table_of(folder / "history.csv"))
     for file in folder.glob("passes/*.npz"):
         with np.load(file) as content:
             assert all(content[name].dtype != object for name in content.files)
@@ -128,6 +112,16 @@ def wait_for_line(process, begins):
     raise AssertionError(process.stderr.read())
 
 
+def interrupted(process, begins, number=signal.SIGINT, pause=0.0):
+    """End the command after a line that begins like that, and return all lines up to it."""
+    lines = wait_for_line(process, begins)
+    time.sleep(pause)
+    process.send_signal(number)
+    process.communicate(timeout=30)
+    assert process.returncode == -number
+    return lines
+
+
 STUBBORN = """
 import hashlib, sys
 from kohonen_adapt.magnetostatics import Magnetostatics
@@ -143,13 +137,10 @@ Magnetostatics.solve_from = solve_from
 def test_a_loop_that_hears_of_nothing_ends_at_once(case, straight, tmp_path, begin):
     out = tmp_path / "out"
     process = begin("run", case, "--out", out, code=STUBBORN + PLAIN_COMMAND)
-    first, *_ = wait_for_line(process, "stubborn")
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
-    assert process.returncode == -signal.SIGINT
+    first, *_ = interrupted(process, "stubborn")
     assert first.endswith(f"To continue after an interruption: kohonen-adapt run {case} --resume {out}\n")
     assert_whole(out)
-    assert len(history(out)) == 1
+    assert len(table_of(out / "history.csv")) == 1
     assert run(case, "--resume", out) == 0
     assert_same_results(out, straight)
 
@@ -161,11 +152,8 @@ def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "matplotlib.py").write_text("sum(range(10**13))  # a loop of C that keeps Python's lock\n")
     process = begin("run", case, "--out", out, code=COMMAND, path=tmp_path / "slow")
-    wait_for_line(process, f"Results are in {out}. Drawing pictures and the report; Ctrl-C skips this step.")
-    time.sleep(1.0)  # until it has the lock
-    process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=30)
-    assert process.returncode == -signal.SIGTERM
+    begins = f"Results are in {out}. Drawing pictures and the report; Ctrl-C skips this step."
+    interrupted(process, begins, signal.SIGTERM, pause=1.0)  # until it has the lock
     assert_whole(out)
     assert run(case, "--out", tmp_path / "straight") == 0
     assert_same_results(out, tmp_path / "straight")
@@ -176,10 +164,7 @@ def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
 def test_interrupted_before_the_first_pass(case, tmp_path, begin):
     code = STUBBORN.replace("solve_from", "solve") + PLAIN_COMMAND
     process = begin("run", case, "--out", tmp_path / "out", code=code)
-    wait_for_line(process, "stubborn")
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
-    assert process.returncode == -signal.SIGINT
+    interrupted(process, "stubborn")
     assert run(case, "--resume", tmp_path / "out") == 0
 
 
@@ -192,10 +177,7 @@ def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, b
     assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
     process = begin("run", case, option, tmp_path / "out", code=STUCK + PLAIN_COMMAND)
-    wait_for_line(process, "stuck")
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
-    assert process.returncode == -signal.SIGINT
+    interrupted(process, "stuck")
     assert drafts(tmp_path / "out")
     assert run(case, "--resume", tmp_path / "out") == 0
     assert not drafts(tmp_path / "out")
@@ -209,10 +191,7 @@ def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
     arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
     arguments += ["--out", tmp_path / "after.msh"]
     process = begin(*arguments, code=STUCK + PLAIN_COMMAND)
-    wait_for_line(process, "stuck")
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=30)
-    assert process.returncode == -signal.SIGINT
+    interrupted(process, "stuck")
     assert len(drafts(tmp_path)) == 1
     assert (tmp_path / "after.msh").read_text() == "what was there"
     with whole_file(tmp_path / "other.msh") as other:
@@ -296,20 +275,6 @@ def test_a_full_disk_leaves_old_files_as_they_were(name, case, straight, tmp_pat
     assert_same_results(out, straight)
 
 
-def test_a_file_that_breaks_off(case, tmp_path):
-    """A real write that fails half-way, for files may not be longer than that here."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (6000, before[1]))
-    try:
-        code = run(case, "--out", tmp_path / "out")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    assert code == 2
-    assert not drafts(tmp_path / "out")
-    assert_whole(tmp_path / "out")
-    assert run(case, "--resume", tmp_path / "out") == 0
-
-
 # ---- what the options say ----
 
 
@@ -320,7 +285,7 @@ def test_resume_says_where_it_goes_on(case, tmp_path, capsys):
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"Continuing after pass 2, the last finished pass in {tmp_path / 'out'}."
     assert said[3].startswith("pass 3: 81 nodes")
-    assert [row["pass"] for row in history(tmp_path / "out")] == ["0", "1", "2", "3"]
+    assert [row["pass"] for row in table_of(tmp_path / "out" / "history.csv")] == ["0", "1", "2", "3"]
 
 
 def test_a_finished_run_gets_its_files_back(case, tmp_path):
@@ -347,7 +312,7 @@ def test_run_over_a_finished_run_asks_for_force_and_then_nothing_of_it_stays(cas
     assert contents(out) == before
     assert run(case, "--out", out, "--force") == 0
     assert sorted(file.name for file in (tmp_path / "out" / "passes").iterdir()) == ["ended.txt", "pass-0000.npz"]
-    assert len(history(tmp_path / "out")) == 1
+    assert len(table_of(tmp_path / "out" / "history.csv")) == 1
 
 
 def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.cases import said_of, whole
 from helpers.mesh_files import in_front, two_boxes
 from helpers.random_solids import cone
 from skfem import MeshTet
@@ -19,24 +20,9 @@ def box(*cells, low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0)):
     return MeshTet.init_tensor(*(np.linspace(a, b, n + 1) for a, b, n in zip(low, high, cells, strict=True)))
 
 
-def whole(mesh):
-    """A mesh with one name for all elements and one for its rim."""
-    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
-    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
-
-
 def beside(one, other):
     """Two meshes as one, whose nodes are not joined."""
     return MeshTet(np.hstack([one.p, other.p]), np.hstack([one.t, one.p.shape[1] + other.t]))
-
-
-def said_of(mesh, tmp_path, capsys):
-    """What is said of a mesh; the status is that of what is said."""
-    ka.write_mesh(tmp_path / "it.msh", mesh)
-    status = cli.main(["check", str(tmp_path / "it.msh")])
-    said = capsys.readouterr().out
-    assert status == (0 if said.endswith("\nNo faults found.\n") else 1)
-    return said
 
 
 def test_a_good_solid(tmp_path, capsys):

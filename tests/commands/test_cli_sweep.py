@@ -1,6 +1,5 @@
 """The command `sweep`: a case for many values of its keys, as a table and a picture, cut short and gone on with."""
 
-import csv
 import json
 import os
 import signal
@@ -9,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.cases import without_processes
+from helpers.cases import case_in, table_of, without_processes
 from helpers.meshes import inset
 from helpers.processes import alive, wait_until
 
@@ -42,11 +41,7 @@ OVER = ["--over", "materials.core.permeability=10:1000:2", "--over", "materials.
 
 @pytest.fixture
 def case(tmp_path):
-    """Of 81 nodes."""
-    mesh = inset(8)
-    ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
-    (tmp_path / "case.toml").write_text(CASE)
-    return tmp_path / "case.toml"
+    return case_in(tmp_path, CASE)
 
 
 @pytest.fixture
@@ -60,15 +55,9 @@ def sweep(case, *arguments):
     return cli.main(["sweep", str(case), *map(str, arguments), *jobs, "--quiet"])
 
 
-def rows(folder):
-    """The table without times."""
-    with (folder / "sweep.csv").open(newline="") as stream:
-        return [{k: v for k, v in row.items() if k != "seconds"} for row in csv.DictReader(stream)]
-
-
-def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
+def test_every_combination_is_a_row_and_a_point(case, here, tmp_path, capsys):
     assert cli.main(["sweep", str(case), *OVER, "--jobs", "1", "-o", str(tmp_path / "out")]) == 0
-    table = rows(tmp_path / "out")
+    table = table_of(tmp_path / "out" / "sweep.csv")
     assert list(table[0]) == [
         *("materials.core.permeability", "materials.core.current_density", "stored (J/m)", "pull (N/m)"),
         *("status", "missed", "error"),
@@ -90,7 +79,7 @@ def test_every_combination_is_a_row_and_a_point(case, tmp_path, capsys):
 def test_a_case_with_an_error_ends_no_sweep(case, here, tmp_path, capsys):
     """A negative permeability is refused when it comes to it."""
     assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", tmp_path / "out") == 1
-    errors = [row["error"] for row in rows(tmp_path / "out")]
+    errors = [row["error"] for row in table_of(tmp_path / "out" / "sweep.csv")]
     assert errors[0] == "" and all("permeability" in error for error in errors[1:])
     assert "2 of 3 cases failed; --resume tries them again." in capsys.readouterr().err
     assert (tmp_path / "out" / "sweep.png").exists()
@@ -101,7 +90,7 @@ def test_a_missed_tolerance_is_told(case, here, tmp_path, capsys):
     options = "passes = 0\noutput_rtol = {stored = 0.1, pull = 1e-9}\nrtol = 1e-9"
     case.write_text(CASE.replace("passes = 1", options).replace("current_density = 0.0", "current_density = 1e6"))
     assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
-    table, records = rows(tmp_path / "out"), json.loads((tmp_path / "out" / "sweep.json").read_text())
+    table, records = table_of(tmp_path / "out" / "sweep.csv"), json.loads((tmp_path / "out" / "sweep.json").read_text())
     for row, record in zip(table, records, strict=True):
         assert row["status"] == record["status"] == "max_passes"
         assert row["missed"] == record["missed"] == "energy, pull (N/m)"
@@ -116,7 +105,7 @@ def test_a_goal_is_an_output_of_a_sweep(case, here, tmp_path):
     goal = 'goal = {quantity = "energy", part = "core"}\n'
     case.write_text(goal + CASE.replace("passes = 1", "goal_rtol = 0.1"))
     assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
-    for row in rows(tmp_path / "out"):
+    for row in table_of(tmp_path / "out" / "sweep.csv"):
         assert row["status"] == "converged" and row["missed"] == ""
         assert abs(float(row["error of goal (J/m)"])) <= float(row["asked error of goal (J/m)"])
         assert float(row["asked error of goal (J/m)"]) == pytest.approx(0.1 * float(row["goal (J/m)"]))
@@ -125,7 +114,7 @@ def test_a_goal_is_an_output_of_a_sweep(case, here, tmp_path):
 def test_a_sweep_that_was_stopped_before_its_first_case(case, here, tmp_path):
     (tmp_path / "out").mkdir()
     over = ["--over", "materials.core.permeability=10:1000:2"]
-    assert sweep(case, *over, "--resume", tmp_path / "out") == 0 and len(rows(tmp_path / "out")) == 2
+    assert sweep(case, *over, "--resume", tmp_path / "out") == 0 and len(table_of(tmp_path / "out" / "sweep.csv")) == 2
 
 
 @pytest.mark.parametrize(
@@ -180,18 +169,18 @@ def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
     out = tmp_path / "out"
     over = ["--over", "materials.core.permeability=10:1000:2"]
     assert sweep(case, *over, "--out", out) == 0
-    first = rows(out)
+    first = table_of(out / "sweep.csv")
     (out / "sweep.csv").unlink()  # as if it were cut short
     (out / "cases" / "case-0000.json").unlink()
     assert sweep(case, *over, "--out", out) == 2
     assert f"has cases of an unfinished sweep: continue with --resume {out}" in capsys.readouterr().err
     before = (out / "cases" / "case-0001.json").read_bytes()
     assert sweep(case, *over, "--resume", out) == 0
-    assert rows(out) == first and (out / "cases" / "case-0001.json").read_bytes() == before
+    assert table_of(out / "sweep.csv") == first and (out / "cases" / "case-0001.json").read_bytes() == before
     assert sweep(case, *over[:-1], "materials.core.permeability=10:1000:4", "--resume", out) == 2
     assert "values of parameters differ" in capsys.readouterr().err
     assert sweep(case, "--over", "scale=1e-3:2e-3:2", "--out", out) == 0  # that one has ended
-    assert len(rows(out)) == 2 and "scale" in rows(out)[0]
+    assert len(table_of(out / "sweep.csv")) == 2 and "scale" in table_of(out / "sweep.csv")[0]
 
 
 def test_another_mesh_is_another_sweep(case, here, tmp_path, capsys):
@@ -233,7 +222,10 @@ def permeabilities(case, count):
 
 def numbers(folder):
     """The table without times, and with no error in it."""
-    return [{name: float(value) for name, value in row.items() if value and name != "status"} for row in rows(folder)]
+    return [
+        {name: float(value) for name, value in row.items() if value and name != "status"}
+        for row in table_of(folder / "sweep.csv")
+    ]
 
 
 @pytest.mark.slow

@@ -1,6 +1,13 @@
 """Cases of the command line as text, and sweeps of them without processes."""
 
+import csv
 from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+import kohonen_adapt as ka
+from helpers.meshes import inset
+from kohonen_adapt import __main__ as cli
 
 INSET = """
 mesh = "mesh.msh"
@@ -18,7 +25,42 @@ quantity = "energy"
 """
 
 
+def case_in(folder, text=INSET):
+    """Write a case and its mesh, of 81 nodes, and return the file of the case."""
+    mesh = inset(8)
+    ka.write_mesh(folder / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
+    (folder / "case.toml").write_text(text)
+    return folder / "case.toml"
+
+
+def dry_run(file, text):
+    """Write a case, and return the exit status of a dry run of it."""
+    file.write_text(text)
+    return cli.main(["run", str(file), "--dry-run"])
+
+
+def table_of(file):
+    """Return the rows of a CSV file, without times."""
+    with file.open(newline="") as stream:
+        return [{k: v for k, v in row.items() if not k.startswith("seconds")} for row in csv.DictReader(stream)]
+
+
 def without_processes(monkeypatch):
     """Have the command compute the cases of sweeps by a thread, for the rest of a test."""
     pool = lambda prepare, jobs: ThreadPoolExecutor(1)  # noqa: E731
     monkeypatch.setattr("kohonen_adapt.commands.sweep.LocalPool", pool)
+
+
+def whole(mesh):
+    """A mesh with one name for all elements and one for its rim."""
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def said_of(mesh, tmp_path, capsys):
+    """What is said of a mesh; the status is that of what is said."""
+    ka.write_mesh(tmp_path / "it.msh", mesh)
+    status = cli.main(["check", str(tmp_path / "it.msh")])
+    said = capsys.readouterr().out
+    assert status == (0 if said.endswith("\nNo faults found.\n") else 1)
+    return said

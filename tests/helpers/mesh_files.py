@@ -2,6 +2,7 @@
 
 from contextlib import contextmanager
 
+import meshio
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -111,16 +112,6 @@ def groups_in_gmsh(path):
     return groups
 
 
-def assert_gmsh_has(path, mesh):
-    groups = {(dimension, name): rows for (dimension, _), (name, rows, _) in groups_in_gmsh(path).items()}
-    d = len(mesh.p)
-    wanted = {(d, name): mesh.t[:, items] for name, items in mesh.subdomains.items()}
-    wanted |= {(d - 1, name): mesh.facets[:, items] for name, items in mesh.boundaries.items()}
-    assert groups.keys() == wanted.keys()
-    for key, nodes in wanted.items():
-        assert_array_equal(groups[key], np.unique(1 + np.sort(nodes.T, axis=1), axis=0))
-
-
 def as_list(mesh, values, name="f", kind="ST"):
     """Return a list as GetDP writes: elements by their corners, with values (nelements, k) at all of these."""
     corners = np.vstack([mesh.p, np.zeros((3 - len(mesh.p), mesh.p.shape[1]))])[:, mesh.t].transpose(2, 1, 0)
@@ -129,3 +120,24 @@ def as_list(mesh, values, name="f", kind="ST"):
         for place, row in zip(corners.reshape(mesh.nelements, -1).tolist(), values.tolist(), strict=True)
     ]
     return "\n".join([f'View "{name}" {{', *rows, "};\n"])
+
+
+def of_meshio(mesh, **data):
+    """Return a mesh as meshio has it, with three coordinates."""
+    points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
+    return meshio.Mesh(points, [("triangle" if len(mesh.p) == 2 else "tetra", mesh.t.T)], **data)
+
+
+def drawn_by_gmsh(path, text, version="4.1", binary=False, dimension=2, order=1, options=(), parts=1):
+    """Write the mesh that Gmsh makes of a drawing, and return its path."""
+    path.with_suffix(".geo").write_text(text + "\n")
+    with gmsh_session() as model:
+        gmsh.open(str(path.with_suffix(".geo")))
+        for name, value in [("Mesh.MshFileVersion", float(version)), ("Mesh.Binary", binary), *options]:
+            gmsh.option.setNumber(name, value)
+        model.mesh.generate(dimension)
+        model.mesh.setOrder(order)
+        if parts > 1:
+            model.mesh.partition(parts)
+        gmsh.write(str(path))
+    return path

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.hostile_files import raw_vtu, spoilt
-from helpers.mesh_files import assert_same, two_rooms
+from helpers.mesh_files import assert_same, of_meshio, two_rooms
 from helpers.small_files import ABAQUS, BY_HAND, GRID, SQUARE, SU2, disc, written
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
@@ -96,13 +96,11 @@ def seeds(folder):
     for name, suffix in (("41.msh", ".msh"), ("22.msh", ".msh2"), ("our.vtu", ".vtu")):
         ka.write_mesh(folder / f"seed{suffix}", mesh, **fields)
         (folder / f"seed{suffix}").rename(folder / name)
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    content = meshio.Mesh(points, [("triangle", mesh.t.T)], cell_data={"e": [np.arange(64.0)]})
+    content = of_meshio(mesh, cell_data={"e": [np.arange(64.0)]})
     tags = {name: [np.ones(64, np.int32)] for name in ("gmsh:physical", "gmsh:geometrical")}
-    dimensions = {"gmsh:dim_tags": np.tile([2, 1], (len(points), 1))}
+    dimensions = {"gmsh:dim_tags": np.tile([2, 1], (mesh.nvertices, 1))}
     for version, data, name in (("gmsh22", {}, "binary_22.msh"), ("gmsh", dimensions, "binary_41.msh")):
-        tagged = meshio.Mesh(points, content.cells, point_data=data, cell_data=tags)
-        meshio.write(folder / name, tagged, version, binary=True)
+        meshio.write(folder / name, of_meshio(mesh, point_data=data, cell_data=tags), version, binary=True)
     meshio.vtu.write(folder / "text.vtu", content, binary=False)
     meshio.vtu.write(folder / "plain.vtu", content, compression=None)
     (folder / "raw.vtu").write_bytes(raw_vtu())
@@ -373,8 +371,7 @@ def test_elements_of_two_kinds_by_turns(binary, tmp_path):
 def test_every_form_of_vtu(options, tmp_path):
     mesh, path = two_rooms(), tmp_path / "m.vtu"
     field = np.arange(64.0) / 3
-    points = np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])
-    meshio.vtu.write(path, meshio.Mesh(points, [("triangle", mesh.t.T)], cell_data={"e": [field]}), **options)
+    meshio.vtu.write(path, of_meshio(mesh, cell_data={"e": [field]}), **options)
     back = ka.read_mesh(path)
     rtol = 1e-10 if options.get("binary") is False else 0.0  # meshio writes eleven digits
     np.testing.assert_allclose(back.p, mesh.p, rtol=rtol)

@@ -8,10 +8,11 @@ import skfem
 from helpers.mesh_files import (
     FORMATS,
     WHY_NOT,
-    assert_gmsh_has,
     assert_same,
+    drawn_by_gmsh,
     gmsh,
     gmsh_session,
+    groups_in_gmsh,
     in_front,
     needs_gmsh,
     two_boxes,
@@ -22,6 +23,16 @@ from skfem import MeshTri
 
 from kohonen_adapt import read_mesh, write_mesh
 from kohonen_adapt.mesh.measures import area, signed_area
+
+
+def assert_gmsh_has(path, mesh):
+    groups = {(dimension, name): rows for (dimension, _), (name, rows, _) in groups_in_gmsh(path).items()}
+    d = len(mesh.p)
+    wanted = {(d, name): mesh.t[:, items] for name, items in mesh.subdomains.items()}
+    wanted |= {(d - 1, name): mesh.facets[:, items] for name, items in mesh.boundaries.items()}
+    assert groups.keys() == wanted.keys()
+    for key, nodes in wanted.items():
+        assert_array_equal(groups[key], np.unique(1 + np.sort(nodes.T, axis=1), axis=0))
 
 
 @needs_gmsh
@@ -85,19 +96,9 @@ def drawn(request, tmp_path):
     if gmsh is None:
         pytest.skip(WHY_NOT)
 
-    def draw(groups, options=(), dimension=2, order=1, parts=1):
+    def draw(groups, **options):
         version, kind = request.param
-        (tmp_path / "drawing.geo").write_text(RECTANGLES + groups + "\n")
-        with gmsh_session() as model:
-            gmsh.open(str(tmp_path / "drawing.geo"))
-            for name, value in [("Mesh.MshFileVersion", float(version)), ("Mesh.Binary", kind == "binary"), *options]:
-                gmsh.option.setNumber(name, value)
-            model.mesh.generate(dimension)
-            model.mesh.setOrder(order)
-            if parts > 1:
-                model.mesh.partition(parts)
-            gmsh.write(str(tmp_path / "drawing.msh"))
-        return tmp_path / "drawing.msh"
+        return drawn_by_gmsh(tmp_path / "drawing.msh", RECTANGLES + groups, version, kind == "binary", **options)
 
     return draw
 

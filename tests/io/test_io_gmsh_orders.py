@@ -5,7 +5,7 @@ import logging
 import numpy as np
 import pytest
 from helpers.curved_meshes import annulus
-from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh
+from helpers.mesh_files import assert_same, drawn_by_gmsh, needs_gmsh
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 
@@ -131,15 +131,7 @@ Mesh.MeshSizeMin = 0.4; Mesh.MeshSizeMax = 0.4;
 
 
 def by_gmsh(folder, order, version=4.1, binary=1):
-    (folder / "machine.geo").write_text(DRAWING)
-    with gmsh_session() as model:
-        gmsh.open(str(folder / "machine.geo"))
-        gmsh.option.setNumber("Mesh.MshFileVersion", version)
-        gmsh.option.setNumber("Mesh.Binary", binary)
-        gmsh.option.setNumber("Mesh.ElementOrder", order)
-        model.mesh.generate(2)
-        gmsh.write(str(folder / "machine.msh"))
-    return folder / "machine.msh"
+    return drawn_by_gmsh(folder / "machine.msh", DRAWING, version, binary, order=order)
 
 
 @needs_gmsh

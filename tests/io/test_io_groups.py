@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.mesh_files import WHY_NOT, assert_same, gmsh, gmsh_session, groups_in_gmsh, needs_gmsh, two_rooms
+from helpers.mesh_files import WHY_NOT, assert_same, drawn_by_gmsh, gmsh, groups_in_gmsh, needs_gmsh, two_rooms
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
@@ -48,13 +48,7 @@ def assert_same_groups(path, other):
 def drawing(request, tmp_path):
     if gmsh is None:
         pytest.skip(WHY_NOT)
-    (tmp_path / "drawing.geo").write_text(DRAWING)
-    with gmsh_session() as model:
-        gmsh.open(str(tmp_path / "drawing.geo"))
-        gmsh.option.setNumber("Mesh.MshFileVersion", float(request.param))
-        model.mesh.generate(2)
-        gmsh.write(str(tmp_path / "drawing.msh"))
-    return tmp_path / "drawing.msh"
+    return drawn_by_gmsh(tmp_path / "drawing.msh", DRAWING, request.param)
 
 
 def test_what_a_file_says_of_its_groups(drawing):

@@ -12,6 +12,7 @@ from helpers.mesh_files import (
     WHY_NOT,
     as_list,
     assert_same,
+    drawn_by_gmsh,
     gmsh,
     gmsh_session,
     in_front,
@@ -101,15 +102,7 @@ def drawn(request, tmp_path):
 
     def draw(groups, dimension=3, order=1):
         version, kind = request.param
-        (tmp_path / "drawing.geo").write_text(BOXES + groups + "\n")
-        with gmsh_session() as model:
-            gmsh.open(str(tmp_path / "drawing.geo"))
-            for name, value in [("Mesh.MshFileVersion", float(version)), ("Mesh.Binary", kind == "binary")]:
-                gmsh.option.setNumber(name, value)
-            model.mesh.generate(dimension)
-            model.mesh.setOrder(order)
-            gmsh.write(str(tmp_path / "drawing.msh"))
-        return tmp_path / "drawing.msh"
+        return drawn_by_gmsh(tmp_path / "drawing.msh", BOXES + groups, version, kind == "binary", dimension, order)
 
     return draw
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from helpers.mesh_files import as_list, gmsh, gmsh_session, needs_gmsh, two_boxes, two_rooms
+from helpers.mesh_files import as_list, gmsh, gmsh_session, needs_gmsh, of_meshio, two_boxes, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.linalg import expm, logm
 from skfem import MeshTri
@@ -50,12 +50,10 @@ def padded(tensors, fill=0.0):
 
 
 def write_field(path, mesh, values, nodal):
-    points = np.column_stack([mesh.p.T, np.zeros((mesh.p.shape[1], 3 - len(mesh.p)))])
     if path.suffix in (".med", ".xdmf"):
         pytest.importorskip("h5py")
-    kind = "triangle" if len(mesh.p) == 2 else "tetra"
     data = {"point_data": {"m": values}} if nodal else {"cell_data": {"m": [values]}}
-    meshio.Mesh(points, [(kind, mesh.t.T)], **data).write(path)
+    of_meshio(mesh, **data).write(path)
 
 
 def write_solution(path, *solutions, dim=2):
