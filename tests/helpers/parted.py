@@ -3,14 +3,12 @@
 import hashlib
 
 import numpy as np
-import skfem
 from skfem import MeshTri
-from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
 from helpers.meshes import BOTH, cell, inset, l_shape, peak, ring
 from helpers.quadratic_solids import QuadraticDiffusion
-from helpers.scalar_problems import loaded
+from helpers.scalar_problems import Load, loaded
 from helpers.solids import box
 
 
@@ -19,21 +17,6 @@ class Own:
 
     def project(self, x):
         return ka.Arc((0.0, 0.0), 0.5).project(x)
-
-
-class Load:
-    """-div grad u = 1, zero on the boundary."""
-
-    def solve(self, mesh):
-        basis = skfem.Basis(mesh, skfem.ElementTriP1() if mesh.dim() == 2 else skfem.ElementTetP1())
-        return skfem.solve(*skfem.condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
-
-    def indicators(self, mesh, solution):
-        one = np.ones(mesh.nelements)
-        return ka.estimators.residual(mesh, solution, one, source=one)
-
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0, source=1.0)
 
 
 def relocated():

@@ -18,6 +18,7 @@ from skfem import (
     solve,
 )
 from skfem.helpers import dot, grad
+from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
 from helpers.meshes import perturbed
@@ -244,3 +245,21 @@ class Aimed(Cooled):
 
 def slab():
     return perturbed(MeshTri().refined(3), 1).with_defaults()
+
+
+class Load:
+    """-div grad u = 1 with u = 0 on the boundary, in the plane or in space, with attributes of a problem."""
+
+    def __init__(self, **more):
+        vars(self).update(more)
+
+    def solve(self, mesh):
+        basis = Basis(mesh, mesh.elem())
+        return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), D=mesh.boundary_nodes()))
+
+    def indicators(self, mesh, solution):
+        one = np.ones(mesh.nelements)
+        return ka.estimators.residual(mesh, solution, one, source=one)
+
+    def ritz(self, mesh, solution):
+        return ka.Ritz(solution, np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()), 1.0, source=1.0)

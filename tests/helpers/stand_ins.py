@@ -1,5 +1,6 @@
 """Stand in for a problem in tests of the loop: a tiny mesh, and estimates that are told, without any physics."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,3 +49,18 @@ def script_of(*values):
         return values[solution]
 
     return function
+
+
+class Killed(BaseException):
+    """The end of the process, as far as the loop can tell."""
+
+
+def killed_at(moment, mesh, problem, **options):
+    """Run the loop until a step of a pass begins."""
+
+    def progress(*now):
+        if now == moment:
+            raise Killed
+
+    with suppress(Killed):
+        ka.adapt(mesh, problem, **options, progress=progress)

@@ -51,13 +51,6 @@ def raising(error):
     return ka.Schedule((Raising(1, 1, 0.3, error=error),))
 
 
-def relocations(**options):
-    """How often the loop with these options begins to relocate, and its result."""
-    steps = []
-    result = adapt(**options, progress=lambda number, step: steps.append(step))
-    return steps.count("relocate"), result
-
-
 def ways(before, after):
     """How far every node went, by number."""
     return np.hypot(*(after.mesh.p - before.mesh.p))
@@ -72,9 +65,9 @@ def estimates(result):
 
 def test_passes_count_relocations_and_the_last_mesh_is_solved_too():
     problem = Script([4.0, 3.0, 2.0, 1.0])
-    count, result = relocations(mesh=MESH, problem=problem, passes=3)
+    result = adapt(MESH, problem, passes=3)
     assert isinstance(result, AdaptResult)
-    assert (count, len(problem.calls), len(result.history)) == (3, 4, 4)
+    assert (len(problem.calls), len(result.history)) == (4, 4)
     assert [step.number for step in result.history] == [0, 1, 2, 3]
     np.testing.assert_allclose(estimates(result), [4.0, 3.0, 2.0, 1.0])
     assert result.history[0].mesh is MESH
@@ -107,20 +100,6 @@ def test_every_pass_has_indicators_and_nodes_of_its_own_mesh():
     assert result.indicators is result.best.indicators and result.nodes is result.best.nodes
 
 
-def test_a_later_pass_leaves_the_meshes_before_it_alone():
-    seen = []
-    result = adapt(
-        MESH,
-        Left(),
-        passes=3,
-        target_nodes=60,
-        callback=lambda step: seen.append((step.mesh.p.copy(), step.mesh.t.copy())),
-    )
-    for step, (p, t) in zip(result.history, seen, strict=True):
-        assert_array_equal(step.mesh.p, p)
-        assert_array_equal(step.mesh.t, t)
-
-
 def test_a_pass_describes_its_mesh_and_the_relocation_that_made_it():
     first, second = adapt(MESH, Script([2.0, 1.0]), passes=1, topology="flip").history
     assert (first.quantization_errors, first.max_displacement, first.moved) == ((), 0.0, 0)
@@ -144,7 +123,7 @@ def test_the_time_of_compiling_is_no_time_of_a_step():
         def solve(self, mesh):
             start = perf_counter()
             if self.solves == 1:
-                numba.njit(lambda x: np.sort(x).sum() + np.linalg.norm(x))(mesh.p[0].copy())
+                numba.njit(lambda x: x + 1)(1)
             self.wall = perf_counter() - start
             return super().solve(mesh)
 
@@ -183,11 +162,6 @@ def test_tiny_and_huge_indicators_are_not_lost():
 # ---- what the map is asked ----
 
 
-def test_the_schedule_reaches_the_map():
-    schedule = ka.Schedule((ka.Stage(1, 3, 0.2),))
-    assert len(adapt(MESH, Left(), passes=1, schedule=schedule).history[1].quantization_errors) == 3
-
-
 def test_layers_reach_the_map():
     strip = MeshTri.init_tensor(np.linspace(0.0, 2.0, 9), np.linspace(0.0, 0.2, 3))
     strip = strip.with_subdomains({"strip": np.arange(strip.t.shape[1])})
@@ -201,39 +175,12 @@ def test_layers_reach_the_map():
     assert not np.array_equal(kept.p, free.p)
 
 
-def test_the_default_topology_recycles():
-    default, recycled, flipped = (adapt(MESH, Left(), passes=1, topology=each) for each in (None, "recycle", "flip"))
-    assert default.history[1].splits > 0
-    assert_array_equal(default.history[1].mesh.p, recycled.history[1].mesh.p)
-    assert not np.array_equal(default.history[1].mesh.p, flipped.history[1].mesh.p)
-
-
 def test_every_pass_starts_from_the_mesh_before_it():
     history = adapt(MESH, Script([1.0, 2.0, 0.5, 3.0]), passes=3, topology="fixed").history
     for before, after in pairwise(history):
         way = ways(before, after)
         assert after.max_displacement == pytest.approx(way.max(), rel=1e-12)
         assert after.moved == np.count_nonzero(way)
-
-
-def test_the_input_mesh_is_taken_apart_once():
-    """The ends of a curve are corners, which no pass moves: its projection is asked for them to take a mesh apart."""
-
-    class Counted:
-        asked = 0
-
-        def project(self, x):
-            self.asked += bool(np.any(x[1] == 0.0))
-            return np.stack([np.zeros_like(x[0]), x[1]])
-
-    def asked(passes):
-        curve = Counted()
-        result = adapt(mesh, Left(), passes=passes, curves={"left": curve})
-        assert len(result.history) == passes + 1
-        return curve.asked
-
-    mesh = MESH.with_boundaries({"left": lambda x: x[0] == 0.0})
-    assert asked(3) == asked(0) > 0
 
 
 def test_every_pass_has_a_seed_of_its_own_and_the_same_one_next_time():
@@ -266,12 +213,6 @@ def test_the_first_relocation_is_that_to_the_density_of_order_and_norm(order, no
     assert not np.array_equal(second.mesh.p, ka.relocate(MESH, other, **wanted).p)
 
 
-def test_without_order_and_norm_they_are_1_and_energy():
-    said = Left()
-    said.order, said.norm = 1, "energy"
-    assert_array_equal(adapt(MESH, Left(), passes=1).history[1].mesh.p, adapt(MESH, said, passes=1).history[1].mesh.p)
-
-
 # ---- the problem's pairs ----
 
 
@@ -299,11 +240,8 @@ def test_without_periodic_the_pairs_are_those_of_the_problem():
     given = adapt(paired_mesh(), Paired(), passes=1, topology="flip", periodic=[("left", "right")]).history[1]
     assert_array_equal(step.mesh.p, given.mesh.p)
     assert np.any(heights(step, 0.0) != np.linspace(0.0, 1.0, 7))
-
-
-def test_periodic_that_is_empty_means_none():
-    step = adapt(paired_mesh(), Paired(), passes=1, topology="flip", periodic=()).history[1]
-    assert not np.array_equal(heights(step, 0.0), heights(step, 1.0))
+    free = adapt(paired_mesh(), Paired(), passes=1, topology="flip", periodic=()).history[1]  # empty means none
+    assert not np.array_equal(heights(free, 0.0), heights(free, 1.0))
 
 
 def test_the_pairs_of_the_problem_are_refused_before_anything_is_solved():
@@ -532,10 +470,8 @@ def test_all_outputs_must_settle():
 
 
 def test_no_passes():
-    count, result = relocations(mesh=MESH, problem=Script([1.0]), passes=0)
-    assert result.mesh is MESH
-    assert len(result.history) == 1
-    assert count == 0
+    result = adapt(MESH, Script([1.0]), passes=0)
+    assert result.mesh is MESH and len(result.history) == 1 and result.history[0].outputs == {}
     assert result.status is Status.MAX_PASSES
     assert result.message == (
         "Stopped after 0 passes: the input was only solved and estimated. Increase `passes` to adapt it."
@@ -611,19 +547,6 @@ def test_a_mesh_that_only_flipped_is_solved_before_the_loop_ends():
     assert result.message == ("No node moved: every node is a corner or pinned. Best: pass 1, estimated error 10 %.")
 
 
-def test_the_callback_hears_of_a_pass_before_the_next_begins():
-    problem = Script([3.0, 2.0, 1.0])
-    seen, begun = [], []
-    adapt(
-        MESH,
-        problem,
-        passes=2,
-        callback=lambda step: seen.append((len(problem.calls), begun.count("relocate"))),
-        progress=lambda number, step: begun.append(step),
-    )
-    assert seen == [(1, 0), (2, 1), (3, 2)]
-
-
 def test_what_the_problem_raises_when_its_order_is_asked_for_later_ends_the_loop():
     class Forgetful(Script):
         @property
@@ -661,7 +584,3 @@ def test_every_pass_carries_the_outputs():
         {"force": 2.5, "twice": 4.0},
     ]
     assert all(type(value) is float for step in result.history for value in step.outputs.values())
-
-
-def test_without_outputs_a_pass_carries_none():
-    assert adapt(MESH, Script([1.0]), passes=0).history[0].outputs == {}

@@ -45,86 +45,75 @@ def test_what_is_no_mesh(mesh, options):
     assert refused(message, mesh=mesh, **options).solves == 0
 
 
-@pytest.mark.parametrize("passes", [-1, 1.5, 4.0, "4", True])
-def test_passes(passes):
-    problem = refused(f"passes must be an integer >= 0; got {passes!r}.", passes=passes)
-    assert problem.solves == 0
+def with_(**attributes):
+    problem = Constant()
+    vars(problem).update(attributes)
+    return problem
 
 
-@pytest.mark.parametrize("seed", [-1, 0.5, None, "a"])
-def test_seed(seed):
-    refused(f"seed must be an integer >= 0; got {seed!r}.", seed=seed)
+METHODS = "problem must have the methods solve(mesh) and indicators(mesh, solution);"
+OF_PROBLEMS = [  # what is said, and the problem
+    (f"{METHODS} object has no solve and no indicators.", object()),
+    (f"{METHODS} Constant has no indicators.", with_(indicators=None)),
+    ("problem must be an object, Constant(...); got the class Constant.", Constant),
+    ("norm of the problem must be 'energy' or 'L2'; got 'H1'.", with_(norm="H1")),
+    ("calibrated of the problem must be True or False; got 3.6.", with_(calibrated=3.6)),
+    *(
+        (
+            "order of the problem must be the degree of its elements, from 1 to 4 or within its orders; "
+            f"got {order!r}.",
+            with_(order=order),
+        )
+        for order in (0, 1.5, 5, "1", True)
+    ),
+    *(
+        (
+            f"energy_norm of the problem must be a finite number >= 0; got {value}.",
+            with_(energy_norm=lambda mesh, solution, value=value: value),
+        )
+        for value in (-1.0, np.nan, np.inf)
+    ),
+]
 
 
-@pytest.mark.parametrize("value", [-1e-3, float("nan"), float("inf"), "1e-3"])
-@pytest.mark.parametrize("name", ["rtol", "atol"])
-def test_tolerances(name, value):
-    refused(f"{name} must be a finite number >= 0, or None; got {value!r}.", **{name: value})
+@pytest.mark.parametrize(("message", "problem"), OF_PROBLEMS)
+def test_problems(message, problem):
+    refused(message, problem=problem)
+
+
+NOT_TOLERANCES = [-1e-3, float("nan"), float("inf"), "1e-3"]
+OF_OPTIONS = [  # what is said before anything is solved, and the options
+    *((f"passes must be an integer >= 0; got {each!r}.", {"passes": each}) for each in (-1, 1.5, 4.0, "4", True)),
+    *((f"seed must be an integer >= 0; got {each!r}.", {"seed": each}) for each in (-1, 0.5, None, "a")),
+    *(
+        (f"{name} must be a finite number >= 0, or None; got {each!r}.", {name: each, "outputs": {"force": abs}})
+        for name in ("rtol", "atol", "output_rtol")
+        for each in NOT_TOLERANCES
+    ),
+    ("callback must be a function of the pass, or None; got 'print'.", {"callback": "print"}),
+    (
+        "rtol requires the energy norm of the problem, but Constant has no method energy_norm(mesh, solution). "
+        "Use atol instead.",
+        {"rtol": 0.01},
+    ),
+    ("outputs must map names to functions of the solution, or be None; got 'force'.", {"outputs": "force"}),
+    ("the names of outputs must be strings; got 3.", {"outputs": {3: abs}}),
+    ("outputs['force'] must be a function of the solution; got 1.0.", {"outputs": {"force": 1.0}}),
+    *(
+        ("output_rtol requires outputs; add outputs={name: function}.", {"outputs": each, "output_rtol": 0.01})
+        for each in (None, {})
+    ),
+]
+
+
+@pytest.mark.parametrize(("message", "options"), OF_OPTIONS)
+def test_options(message, options):
+    assert refused(message, **options).solves == 0
 
 
 def test_numpy_numbers_are_numbers():
     result = adapt(MESH, Constant(), passes=np.int64(0), atol=np.float32(1e9), seed=np.uint8(3))
     assert result.status is Status.CONVERGED
-
-
-def test_callback():
-    refused("callback must be a function of the pass, or None; got 'print'.", callback="print")
-
-
-def test_a_problem_without_methods():
-    refused(
-        "problem must have the methods solve(mesh) and indicators(mesh, solution); "
-        "object has no solve and no indicators.",
-        problem=object(),
-    )
-
-
-def test_a_problem_without_indicators():
-    class Half:
-        indicators = None
-
-        def solve(self, mesh):
-            return None
-
-    refused(
-        "problem must have the methods solve(mesh) and indicators(mesh, solution); Half has no indicators.",
-        problem=Half(),
-    )
-
-
-def test_a_class_of_problems():
-    refused("problem must be an object, Constant(...); got the class Constant.", problem=Constant)
-
-
-def test_rtol_without_an_energy_norm():
-    problem = refused(
-        "rtol requires the energy norm of the problem, but Constant has no method energy_norm(mesh, solution). "
-        "Use atol instead.",
-        rtol=0.01,
-    )
-    assert problem.solves == 0
-
-
-def test_an_unknown_norm():
-    problem = Constant()
-    problem.norm = "H1"
-    refused("norm of the problem must be 'energy' or 'L2'; got 'H1'.", problem=problem)
-
-
-def test_an_unknown_calibration():
-    problem = Constant()
-    problem.calibrated = 3.6
-    refused("calibrated of the problem must be True or False; got 3.6.", problem=problem)
-
-
-@pytest.mark.parametrize("order", [0, 1.5, 5, "1", True])
-def test_an_impossible_order(order):
-    problem = Constant()
-    problem.order = order
-    refused(
-        f"order of the problem must be the degree of its elements, from 1 to 4 or within its orders; got {order!r}.",
-        problem=problem,
-    )
 
 
 BROKEN = [
@@ -167,40 +156,6 @@ def test_indicators_of_other_types_are_numbers_too(values):
     result = adapt(MESH, Constant(values), passes=0)
     assert result.indicators.dtype == np.float64
     assert result.estimate == pytest.approx(np.sqrt(ELEMENTS))
-
-
-@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
-def test_a_broken_energy_norm(value):
-    problem = Constant()
-    problem.energy_norm = lambda mesh, solution: value
-    refused(f"energy_norm of the problem must be a finite number >= 0; got {value}.", problem=problem)
-
-
-OUTPUTS = [
-    ("force", "outputs must map names to functions of the solution, or be None; got 'force'."),
-    ({3: abs}, "the names of outputs must be strings; got 3."),
-    ({"force": 1.0}, "outputs['force'] must be a function of the solution; got 1.0."),
-]
-
-
-@pytest.mark.parametrize(("outputs", "message"), OUTPUTS)
-def test_outputs(outputs, message):
-    assert refused(message, outputs=outputs).solves == 0
-
-
-@pytest.mark.parametrize("value", [-1e-3, float("nan"), float("inf"), "1e-3", True])
-def test_output_rtol(value):
-    message = f"output_rtol must be a finite number >= 0, or None; got {value!r}."
-    assert refused(message, outputs={"force": abs}, output_rtol=value).solves == 0
-
-
-@pytest.mark.parametrize("outputs", [None, {}])
-def test_output_rtol_without_outputs(outputs):
-    refused(
-        "output_rtol requires outputs; add outputs={name: function}.",
-        outputs=outputs,
-        output_rtol=0.01,
-    )
 
 
 VALUES = [

@@ -16,6 +16,7 @@ from helpers.meshes import inset, ring
 from helpers.poisson_solids import Minimised, Poisson
 from helpers.processes import leave_drafts
 from helpers.solids import two_regions
+from helpers.stand_ins import killed_at
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -54,21 +55,6 @@ OPTIONS = {"passes": 3, "outputs": {"energy": lambda field: field.energy}, "seed
 @cache
 def uninterrupted():
     return ka.adapt(MESH, PROBLEM, **OPTIONS)
-
-
-class Killed(BaseException):
-    """The end of the process, as far as the loop can tell."""
-
-
-def killed_at(moment, folder, mesh=MESH, problem=PROBLEM, **options):
-    """Run until a step of a pass begins."""
-
-    def progress(*now):
-        if now == moment:
-            raise Killed
-
-    with pytest.raises(Killed):
-        ka.adapt(mesh, problem, **{**OPTIONS, **options}, checkpoint=folder, progress=progress)
 
 
 def assert_same_mesh(one, other):
@@ -162,7 +148,7 @@ def test_killed_and_resumed_is_as_if_nothing_had_happened(name, tmp_path):
     options = {**OPTIONS, "passes": 2, **more}
     straight = ka.adapt(mesh, problem, **options)
     for moment in moments:
-        killed_at(moment, tmp_path, mesh, problem, **options)
+        killed_at(moment, mesh, problem, **options, checkpoint=tmp_path)
     resumed = ka.adapt(mesh, problem, **options, checkpoint=tmp_path)
     assert_same(resumed, straight)
     solutions = (getattr(each.solution, "potential", each.solution) for each in (resumed, straight))
@@ -214,21 +200,10 @@ def test_only_the_last_pass_is_solved_again(tmp_path):
 def test_a_loop_that_has_ended_ends_again_with_one_solve(tmp_path):
     first = ka.adapt(MESH, Counting(), passes=2, checkpoint=tmp_path)
     problem = Counting()
-    assert_same(ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path), first)
+    again = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path)
+    assert_same(again, first)
     assert problem.solves == 1
-
-
-def test_the_best_pass_is_solved_again_where_it_is_not_the_last(tmp_path):
-    class Worse(Counting):
-        def indicators(self, mesh, solution):
-            return worse_than_the_input(mesh, PROBLEM.indicators(mesh, solution))
-
-    ka.adapt(MESH, Worse(), passes=1, checkpoint=tmp_path)
-    problem = Worse()
-    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path)
-    assert result.mesh is MESH
-    assert_array_equal(result.solution.potential, PROBLEM.solve(MESH).potential)
-    assert problem.solves == 3  # pass 1 again, pass 2, and the input again
+    assert [step.seconds for step in again.history] == [step.seconds for step in first.history]
 
 
 class FailsOnTheInput(Counting):
@@ -242,6 +217,17 @@ class FailsOnTheInput(Counting):
 
     def indicators(self, mesh, solution):
         return worse_than_the_input(mesh, PROBLEM.indicators(mesh, solution))
+
+
+@pytest.mark.parametrize("hooks", [(), ("interim",)])
+def test_the_best_pass_is_solved_again_once_where_it_is_not_the_last(hooks, tmp_path):
+    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
+    problem, seen = FailsOnTheInput(), []
+    hooks = dict.fromkeys(hooks, lambda result: seen.append((result.best.number, len(list(tmp_path.iterdir())))))
+    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path, **hooks)
+    assert result.mesh is MESH and seen == [(0, 2)] * len(hooks)  # before the pass counts as finished
+    assert_array_equal(result.solution.potential, PROBLEM.solve(MESH).potential)
+    assert problem.solves == 3  # pass 1 again, pass 2, and the input again
 
 
 @pytest.mark.parametrize("hooks", [{}, {"interim": lambda result: None}], ids=["at the end", "interim"])
@@ -263,14 +249,6 @@ def test_ctrl_c_while_the_best_pass_is_solved_again_stops_the_loop(tmp_path):
     assert result.status is ka.Status.STOPPED and result.best.number == 2
 
 
-def test_interim_solves_the_best_pass_of_before_once(tmp_path):
-    ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
-    problem, seen = FailsOnTheInput(), []
-    result = ka.adapt(MESH, problem, passes=2, checkpoint=tmp_path, interim=seen.append)
-    assert [each.best.number for each in (*seen, result)] == [0, 0]
-    assert problem.solves == 3  # pass 1 again, pass 2, and the input again
-
-
 def test_what_a_finished_run_raises_when_it_is_solved_again_is_raised(tmp_path):
     ka.adapt(MESH, FailsOnTheInput(), passes=1, checkpoint=tmp_path)
     with pytest.raises(RuntimeError, match=r"^no licence$"):
@@ -285,13 +263,6 @@ def test_the_callback_hears_of_the_passes_from_before_and_may_end_there(tmp_path
     )
     assert heard == [0, 1]
     assert result.status is ka.Status.STOPPED and len(result.history) == 2
-
-
-def test_the_times_of_a_pass_are_those_it_took(tmp_path):
-    first = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
-    again = ka.adapt(MESH, PROBLEM, **OPTIONS, checkpoint=tmp_path)
-    assert_same(again, first)
-    assert [step.seconds for step in again.history] == [step.seconds for step in first.history]
 
 
 # ---- hooks ----
@@ -311,7 +282,8 @@ def test_interim_is_the_result_so_far():
     assert all(each.status is ka.Status.STOPPED for each in seen)
     assert seen[0].mesh is MESH and seen[0].message.startswith("Interim result after 0 passes. Best: the input, ")
     for each in seen:
-        assert any(each.mesh is step.mesh for step in each.history)
+        assert each.mesh is each.best.mesh and each.best is each.history[each.best.number]
+        assert each.nodes is each.best.nodes and each.indicators is each.best.indicators
         assert_array_equal(PROBLEM.solve(each.mesh).potential, each.solution.potential)
     assert seen[-1].mesh is result.mesh
 
@@ -324,22 +296,6 @@ def test_an_input_node_that_was_recycled_comes_back_only_with_an_earlier_mesh():
     for k in range(1, len(history)):
         best = min(history[:k], key=lambda step: step.worth).number
         assert kept[k] <= kept[k - 1] or kept[k] <= kept[best]
-
-
-def test_interim_has_the_nodes_of_its_own_best_pass():
-    seen = []
-    ka.adapt(MESH, PROBLEM, **OPTIONS, interim=seen.append)
-    for result in seen:
-        assert result.best is result.history[result.best.number]
-        assert result.nodes is result.best.nodes and result.indicators is result.best.indicators
-
-
-def test_interim_comes_before_the_pass_counts_as_finished(tmp_path):
-    there = []
-    ka.adapt(
-        MESH, PROBLEM, passes=1, checkpoint=tmp_path, interim=lambda _: there.append(len(list(tmp_path.iterdir())))
-    )
-    assert there == [0, 1]
 
 
 @pytest.mark.parametrize(
@@ -356,7 +312,7 @@ def test_a_hook_is_a_function(hook, of):
 @pytest.fixture(scope="module")
 def two_passes(tmp_path_factory):
     folder = tmp_path_factory.mktemp("two passes")
-    killed_at((2, "polish"), folder)
+    killed_at((2, "polish"), MESH, PROBLEM, **OPTIONS, checkpoint=folder)
     return folder
 
 

@@ -1,6 +1,6 @@
 """What holds for every result of `adapt`, on random devices of every order, in the plane, in space and drawn."""
 
-from contextlib import suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -9,6 +9,7 @@ import pytest
 from helpers.examples import examples
 from helpers.mesh_files import needs_gmsh
 from helpers.random_problems import drawn_problem, plane_problem, space_problem
+from helpers.stand_ins import killed_at
 from hypothesis import given
 from hypothesis import strategies as st
 from numba import config
@@ -52,32 +53,24 @@ def test_on_drawings(seed):
         checked(*drawn_problem(seed, Path(folder)))
 
 
-class Killed(BaseException):
-    """The end of the process, as far as the loop can tell."""
-
-
-def adapted(mesh, problem, options, threads, **more):
+@contextmanager
+def threads(number):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        return ka.adapt(mesh, problem, **options, **more)
+        patch.setattr(config, "NUMBA_NUM_THREADS", number)
+        yield
 
 
-def killed_and_resumed(mesh, problem, options, threads):
+def killed_and_resumed(mesh, problem, options):
     """The result after an end of the process in the solve that follows the first relocation."""
-
-    def progress(number, step):
-        if (number, step) == (1, "solve"):
-            raise Killed
-
     with TemporaryDirectory() as folder:
-        with suppress(Killed):
-            adapted(mesh, problem, options, threads, checkpoint=Path(folder), progress=progress)
-        return adapted(mesh, problem, options, threads, checkpoint=Path(folder))
+        killed_at((1, "solve"), mesh, problem, **options, checkpoint=Path(folder))
+        return ka.adapt(mesh, problem, **options, checkpoint=Path(folder))
 
 
 def checked(mesh, problem, options, radii):
     given_arrays = mesh.p.tobytes(), mesh.t.tobytes()
-    result = adapted(mesh, problem, options, threads=2)
+    with threads(2):
+        result = ka.adapt(mesh, problem, **options)
     assert (mesh.p.tobytes(), mesh.t.tobytes()) == given_arrays
     assert result.status is not ka.Status.FAILED, result.message
     names_are_kept(mesh, result.mesh)
@@ -86,7 +79,8 @@ def checked(mesh, problem, options, radii):
         nodes_are_on_circles(result.mesh, radii)
     errors_are_told(result, options)
     if options["seed"] % RESUMED == 0:
-        same_run(result, killed_and_resumed(mesh, problem, options, threads=1), problem)
+        with threads(1):
+            same_run(result, killed_and_resumed(mesh, problem, options), problem)
 
 
 def names_are_kept(mesh, result):

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from helpers.layer import Layer
+from helpers.scalar_problems import Load
 from helpers.stand_ins import MESH, Script, adapt, script_of
-from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, MeshTri, condense, solve
-from skfem.helpers import dot, grad
+from skfem import Basis, ElementTriP1, MeshTri
+from skfem.models.poisson import unit_load
 
 import kohonen_adapt as ka
 from kohonen_adapt.loop.figures import energy_error, pass_figures
@@ -106,41 +107,25 @@ def test_the_error_of_the_energy_is_the_square_of_that_of_the_norm():
 # ---- which pass is the result, and whether its mesh is resolved ----
 
 
-@BilinearForm
-def stiffness(u, v, _):
-    return dot(grad(u), grad(v))
-
-
-@LinearForm
-def load(v, _):
-    return v
-
-
-class Poisson:
+class Poisson(Load):
     """-lap u = 1 on the unit square, with the estimate of pass k multiplied by the k-th factor."""
 
-    calibrated = True
-
     def __init__(self, *factors):
-        self.factors, self.solved = factors, 0
+        super().__init__(factors=factors, solved=0, calibrated=True)
 
     def solve(self, mesh):
         self.solved += 1
-        basis = Basis(mesh, ElementTriP1())
-        found = solve(*condense(stiffness.assemble(basis), load.assemble(basis), D=basis.get_dofs()))
-        return self.factors[self.solved - 1], found
+        return self.factors[self.solved - 1], super().solve(mesh)
 
     def indicators(self, mesh, solution):
-        factor, values = solution
-        one = np.ones(mesh.t.shape[1])
-        return factor * ka.estimators.recovery(mesh, values, one, source=one)
+        one = np.ones(mesh.nelements)
+        return solution[0] * ka.estimators.recovery(mesh, solution[1], one, source=one)
 
     def energy_norm(self, mesh, solution):
-        return float(np.sqrt(solution[1] @ load.assemble(Basis(mesh, ElementTriP1()))))
+        return float(np.sqrt(solution[1] @ unit_load.assemble(Basis(mesh, ElementTriP1()))))
 
     def ritz(self, mesh, solution):
-        fixed = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
-        return ka.Ritz(solution[1], fixed, 1.0, source=1.0)
+        return super().ritz(mesh, solution[1])
 
 
 def message_of(*factors):

@@ -122,6 +122,15 @@ RIMS = {
 }
 
 
+def round_coil(levels):
+    mesh = MeshTri.init_circle(levels).with_boundaries({"rim": lambda x: x[0] ** 2 + x[1] ** 2 > 0.5})
+    return mesh.with_subdomains({"coil": np.arange(mesh.nelements)})
+
+
+def current_in(order):
+    return Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=order, curved=False)
+
+
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("condition", RIMS)
 @pytest.mark.parametrize("goal", [None, FluxLinkage({"coil": 1.0})], ids=["energy", "goal"])
@@ -152,9 +161,14 @@ def slab():
     return MeshTet().refined(2).with_subdomains(halves).with_boundaries(sides)
 
 
+def between_plates():
+    """The problem of the slab, with values that are not linear on its top."""
+    materials = {"air": Material(), "iron": Material(permeability=100.0)}
+    return MagneticScalarPotential(materials, {"bottom": 0.0, "top": lambda x: x[0] ** 2})
+
+
 def test_tetrahedra_say_what_holds_their_nodes():
-    mesh, materials = slab(), {"air": Material(), "iron": Material(permeability=100.0)}
-    problem = MagneticScalarPotential(materials, {"bottom": 0.0, "top": lambda x: x[0] ** 2})
+    mesh, problem = slab(), between_plates()
     why = ka.why_held(mesh, problem, ka.Rules(pinned=["bottom", at(mesh, 0.25, 0.25, 0.25)]))
     assert why[at(mesh, 0.5, 0.5, 0.0)] == "pinned by boundary 'bottom'"
     assert why[at(mesh, 0.25, 0.25, 0.25)] == "pinned by number"
@@ -175,9 +189,7 @@ def test_tetrahedra_say_what_holds_their_nodes():
     ],
 )
 def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
-    mesh = MeshTri.init_circle(3)
-    mesh = mesh.with_subdomains({"coil": np.arange(mesh.nelements)}).with_boundaries({"rim": lambda x: x[0] < 2.0})
-    problem = Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=order, curved=False)
+    mesh, problem = round_coil(3), current_in(order)
     why, polished = ka.why_held(mesh, problem), ka.polish(mesh, problem)
     rim = mesh.boundary_nodes()
     assert set(why[rim]) == {reason} and set(np.delete(why, rim)) == {""}
@@ -190,9 +202,7 @@ def counts(result):
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])
 def test_passes_count_what_they_refuse(topology):
-    mesh = MeshTri.init_circle(4).with_boundaries({"rim": lambda x: x[0] < 2.0})
-    mesh = mesh.with_subdomains({"coil": np.arange(mesh.nelements)})
-    problem = Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=1)
+    mesh, problem = round_coil(4), current_in(1)
     lax, strict = (counts(ka.adapt(mesh, problem, passes=2, topology=topology, min_quality=q)) for q in (0.0, 0.8))
     assert not lax[0].any() and not strict[0].any()  # the input
     assert np.all(strict[1:, 0] > 10 * lax[1:, 0])
@@ -202,16 +212,14 @@ def test_passes_count_what_they_refuse(topology):
 
 def test_passes_count_moves_beyond_reach():
     """Two nodes on a rim of eight facets may not leave a facet that turns by more."""
-    mesh = MeshTri.init_circle(2).with_boundaries({"rim": lambda x: x[0] ** 2 + x[1] ** 2 > 0.5})
     rules = {"curves": {"rim": ka.Arc((0.0, 0.0), 1.0)}, "topology": "fixed", "polish": False}
-    result = ka.adapt(mesh, Alone(), passes=1, min_quality=0.0, **rules)
+    result = ka.adapt(round_coil(2), Alone(), passes=1, min_quality=0.0, **rules)
     assert result.history[1].refused_by_reach > 0
 
 
 @pytest.mark.parametrize("schedule", [None, ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)], ids=["sweeps", "map"])
 def test_passes_count_refusals_on_tetrahedra(schedule):
-    mesh, materials = slab(), {"air": Material(), "iron": Material(permeability=100.0)}
-    problem = MagneticScalarPotential(materials, {"bottom": 0.0, "top": lambda x: x[0] ** 2})
+    mesh, problem = slab(), between_plates()
     options = {"passes": 1, "topology": "fixed", "schedule": schedule}
     lax, strict = (counts(ka.adapt(mesh, problem, min_quality=q, **options))[1] for q in (0.0, 0.9))
     assert strict[0] > lax[0] and strict[3] > lax[3]

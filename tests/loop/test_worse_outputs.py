@@ -79,10 +79,15 @@ class ImprovedLater(Improved):
         return {name: 2.0 * output(solution) for name, output in outputs.items()}
 
 
+def of_one(problem):
+    """Two passes by the tolerance of an output that is 1."""
+    options = {"outputs": {"one": one}, "output_rtol": 0.1, "target_nodes": MESH.nvertices}
+    return adapt(MESH, problem, passes=2, **options)
+
+
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_so_is_one_in_a_pass_by_the_tolerance_of_an_output(number):
-    problem = ImprovedLater(ValueError("no values\nhere"), number)
-    result = adapt(MESH, problem, passes=2, outputs={"one": one}, output_rtol=0.1, target_nodes=MESH.nvertices)
+    result = of_one(ImprovedLater(ValueError("no values\nhere"), number))
     assert result.status is ka.Status.MAX_PASSES and len(result.history) == 3
     assert [bool(step.output_errors) for step in result.history] == [k != number for k in range(3)]
     assert [step.unimproved for step in result.history] == ["ValueError: no values" * (k == number) for k in range(3)]
@@ -96,8 +101,7 @@ def test_an_error_that_stays_as_large_as_its_output_asks_for_a_mapping():
 
 @pytest.mark.parametrize("number", [1, 2])
 def test_ctrl_c_in_the_method_ends_the_run(number):
-    problem = ImprovedLater(KeyboardInterrupt(), number)
-    result = adapt(MESH, problem, passes=2, outputs={"one": one}, output_rtol=0.1, target_nodes=MESH.nvertices)
+    result = of_one(ImprovedLater(KeyboardInterrupt(), number))
     assert result.status is ka.Status.STOPPED and result.best.number == number - 1
     assert result.message.startswith(f"Stopped by Ctrl-C after {number - 1} pass")
 

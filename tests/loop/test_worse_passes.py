@@ -1,10 +1,13 @@
 """After a pass that is worse than the best one, the next starts from the best mesh and descends by energy alone."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.poisson_solids import Minimised, fichera
 from helpers.scalar_problems import Gaussians, magnet, magnet_mesh
+from helpers.stand_ins import killed_at
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -64,19 +67,6 @@ def test_nor_in_space(order, seed, times, passes):
     assert_no_worse_than_the_polish(polished(mesh, problem, times), problem, passes=passes)
 
 
-class Killed(BaseException):
-    """The end of the process, as far as the loop can tell."""
-
-
-def killed_at(number, step, mesh, problem, folder):
-    def progress(*now):
-        if now == (number, step):
-            raise Killed
-
-    with pytest.raises(Killed):
-        ka.adapt(mesh, problem, checkpoint=folder, progress=progress)
-
-
 class Misled:
     """A problem with indicators that fade away from a corner without much error, where the map moves the nodes."""
 
@@ -91,6 +81,7 @@ class Misled:
         return self.problem.indicators(mesh, solution) * np.exp(-3.0 * np.sum(to_corner**2, axis=0))
 
 
+@cache
 def adapted_magnet():
     problem = magnet(1, False)
     return ka.adapt(magnet_mesh(20, False), problem, passes=6).mesh, Misled(problem)
@@ -116,7 +107,7 @@ def test_a_pass_by_energy_follows_a_worse_one_and_is_better(adapted):
 
 def test_resumed_after_a_worse_pass(adapted, tmp_path):
     mesh, problem, straight = adapted
-    killed_at(2, "polish", mesh, problem, tmp_path)
+    killed_at((2, "polish"), mesh, problem, checkpoint=tmp_path)
     resumed = ka.adapt(mesh, problem, checkpoint=tmp_path)
     assert (resumed.status, resumed.message) == (straight.status, straight.message)
     assert_array_equal(resumed.solution, straight.solution)

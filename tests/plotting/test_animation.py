@@ -2,18 +2,16 @@
 
 import numpy as np
 import pytest
+from helpers.reports import a_pass
 from PIL import Image
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import Pass, plotting
+from kohonen_adapt import plotting
 
 
 def passes(count, mesh=None):
-    mesh = mesh or MeshTri().refined(2)
-    same = {"mesh": mesh, "indicators": np.ones(mesh.t.shape[1]), "nodes": np.arange(mesh.p.shape[1])}
-    same |= {"unknowns": mesh.p.shape[1], "worth": 1.0, "energy_norm": 2.0, "min_quality": 0.5, "mean_quality": 0.9}
-    return [Pass(number=k, estimate=1.0 / (k + 1), **same) for k in range(count)]
+    return [a_pass(k, mesh or MeshTri().refined(2), 1.0 / (k + 1)) for k in range(count)]
 
 
 def durations(path):

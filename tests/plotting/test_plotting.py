@@ -1,10 +1,11 @@
 """Pictures: what is drawn, on which scale, with which units, and how fast."""
 
-import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.meshes import inset, junction, named, ring, square
+from helpers.reports import a_pass
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import LogNorm, to_hex
 from matplotlib.figure import Figure
@@ -12,31 +13,14 @@ from numpy.testing import assert_allclose
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import AdaptResult, Arc, Line, Pass, Status, plotting
-from kohonen_adapt.display import divided, divisions_of, lattice
+from kohonen_adapt import AdaptResult, Arc, Line, Status, plotting
+from kohonen_adapt.display import lattice
 from kohonen_adapt.magnetostatics import Arctan, Table
-from kohonen_adapt.mesh.measures import area
 
 
 def two_regions(levels=3):
     mesh = MeshTri().refined(levels)
     return mesh.with_subdomains({"left": lambda x: x[0] < 0.5, "right": lambda x: x[0] > 0.5})
-
-
-def a_pass(number, mesh, estimate, energy_norm=2.0, calibrated=True):
-    return Pass(
-        number=number,
-        mesh=mesh,
-        indicators=np.full(mesh.t.shape[1], estimate),
-        nodes=np.arange(mesh.p.shape[1]),
-        unknowns=mesh.p.shape[1],
-        estimate=estimate,
-        worth=estimate,
-        energy_norm=energy_norm,
-        calibrated=calibrated,
-        min_quality=0.5,
-        mean_quality=0.9,
-    )
 
 
 def a_result(mesh, indicators, estimates=(1.0, 0.5)):
@@ -144,18 +128,6 @@ def test_fields_of_higher_order_are_drawn_as_they_are_inside_elements():
     drawing.figure.canvas.draw()
 
 
-def test_the_lattice_of_three_divisions():
-    share, triangles = lattice(3)
-    assert share.shape == (3, 10) and triangles.shape == (3, 9) and divisions_of(10) == 3 and divisions_of(9) == 0
-    assert_allclose(share.sum(axis=0), 1.0)
-    mesh = two_regions()
-    fine = divided(mesh, 3)
-    assert fine.t.shape[1] == 9 * mesh.t.shape[1]
-    assert_allclose(area(fine).sum(), 1.0)
-    for name, rows in mesh.subdomains.items():
-        assert_allclose(area(fine)[fine.subdomains[name]].sum(), area(mesh)[rows].sum())
-
-
 def test_a_constant_potential_has_no_field_lines():
     mesh, drawing = two_regions(), axes()
     plotting.draw_field_lines(drawing, mesh, np.zeros(81), np.zeros(128))
@@ -185,7 +157,10 @@ def test_indicators_that_are_all_zero_can_be_drawn():
 def test_passes(energy_norm, calibrated, wanted, label):
     """What nobody vouches for is neither called an error nor shown as a share of the energy norm."""
     drawing = axes()
-    history = [a_pass(number, two_regions(), 1.0 / (1 + number), energy_norm, calibrated) for number in range(2)]
+    history = [
+        replace(a_pass(k, two_regions(), 1.0 / (1 + k)), energy_norm=energy_norm, calibrated=calibrated)
+        for k in range(2)
+    ]
     plotting.draw_passes(drawing, history)
     assert_allclose(drawing.lines[0].get_ydata(), wanted)
     assert drawing.get_ylabel() == label
@@ -200,6 +175,8 @@ def test_wrong_shapes():
         plotting.draw_field_lines(axes(), mesh, np.ones(3), np.ones(128))
     with pytest.raises(ValueError, match=r"magnitude must have shape \(k, nelements\) = \(k, 128\) .*; got \(2, 128\)"):
         plotting.draw_field_lines(axes(), mesh, np.ones(81), np.ones((2, 128)))
+    with pytest.raises(ValueError, match=r"density must have shape \(nelements,\) = \(128,\); got \(81,\)"):
+        plotting.plot_density(mesh, np.ones(81))
     with pytest.raises(ValueError, match=r"errors must have shape \(passes,\) = \(1,\); got \(2,\)"):
         plotting.draw_passes(axes(), [a_pass(0, mesh, 1.0)], errors=[1.0, 2.0])
 
@@ -343,19 +320,6 @@ def test_outlines_are_drawn_where_one_wishes_and_the_mesh_stays_as_it_is():
         plotting.plot_outlines(mesh, curves={"roof": Line((0, 0), (1, 0))})
 
 
-@pytest.mark.slow
-def test_a_hundred_thousand_elements_take_seconds(tmp_path):
-    mesh = MeshTri.init_tensor(*(np.linspace(0, 1, 225),) * 2)
-    result = a_result(mesh, np.linspace(0.1, 2.0, mesh.t.shape[1]))
-    start = time.process_time()
-    figure = plotting.adaptation_figure(
-        result, result, potential=mesh.p[0], magnitude=np.ones(mesh.t.shape[1]), magnitude_label="|B| (T)"
-    )
-    figure.savefig(tmp_path / "page.png")
-    assert mesh.t.shape[1] > 100_000
-    assert time.process_time() - start < 60.0
-
-
 def test_a_magnetisation_curve():
     table = Table([(0.9, 120.0), (1.5, 1000.0), (1.9, 17e3), (2.25, 17e4)])
     drawn = plotting.plot_bh(table)
@@ -388,11 +352,6 @@ def test_a_density_with_nothing_to_scale_can_be_drawn(density, ends, tmp_path):
     assert (drawn.collections[0].norm.vmin, drawn.collections[0].norm.vmax) == ends
 
 
-def test_a_density_of_the_wrong_shape():
-    with pytest.raises(ValueError, match=r"density must have shape \(nelements,\) = \(128,\); got \(81,\)"):
-        plotting.plot_density(two_regions(), np.ones(81))
-
-
 def test_histograms_of_quality_hold_all_elements():
     coarse, fine = two_regions(2), two_regions(3)
     drawn = plotting.plot_qualities({"before": coarse, "after": fine})
@@ -423,7 +382,10 @@ def test_the_estimate_over_nodes_and_its_slopes():
 
 
 def test_more_histories_than_one_share_their_axes():
-    histories = {"one": [a_pass(0, two_regions(2), 1.0, None)], "other": [a_pass(0, two_regions(4), 0.1)]}
+    histories = {
+        "one": [replace(a_pass(0, two_regions(2), 1.0), energy_norm=None)],
+        "other": [a_pass(0, two_regions(4), 0.1)],
+    }
     drawn = plotting.plot_convergence(histories, slope=-1.0)
     assert legend_of(drawn) == ["one", "other", "$N^{-1}$ through the first pass"]
     assert drawn.get_ylabel() == "energy-norm error"
