@@ -116,23 +116,24 @@ def test_a_subdomain_that_consists_of_others_is_no_fault(tmp_path, capsys):
     assert "hint: subdomain 'all' consists of 'left', 'right'" in said
 
 
-def test_a_slit_is_a_seam():
-    (found,) = [fault for fault in faults(whole(slit(4))) if "coincident rim node" in fault]
-    assert "Unless a slit is intended, merge them" in found
+def of(x, y, *elements):
+    return MeshTri(np.array([x, y], float), np.array(elements).T)
 
 
-def test_hanging_nodes_are_found_where_they_are():
-    p = np.array([[0.0, 1, 0, 1, 0.5, 1.0], [0, 0, 1, 1, 0, -1]])
-    mesh = whole(MeshTri(p, np.array([[0, 1, 0, 4], [1, 3, 4, 1], [2, 2, 5, 5]])))
-    (found,) = [fault for fault in faults(mesh) if "hanging" in fault]
-    assert found.startswith("1 hanging node, at (0.5, 0), inside an edge of another triangle")
+SEAMS = {
+    "Unless a slit is intended, merge them": slit(4),
+    "1 hanging node, at (0.5, 0), inside an edge of another triangle": of(
+        [0, 1, 0, 1, 0.5, 1], [0, 0, 1, 1, 0, -1], [0, 1, 2], [1, 3, 2], [0, 4, 5], [4, 1, 5]
+    ),
+    "1 non-manifold node, at (0, 0): parts of the mesh touch only in a point": of(
+        [0, 1, 0, -1, 0], [0, 0, 1, 0, -1], [0, 1, 2], [0, 3, 4]
+    ),
+}
 
 
-def test_pinched_nodes():
-    p = np.array([[0.0, 1, 0, -1, 0], [0, 0, 1, 0, -1]])
-    mesh = whole(MeshTri(p, np.array([[0, 0], [1, 3], [2, 4]])))
-    (found,) = [fault for fault in faults(mesh) if "non-manifold" in fault]
-    assert found.startswith("1 non-manifold node, at (0, 0): parts of the mesh touch only in a point")
+@pytest.mark.parametrize("said", SEAMS)
+def test_seams_are_faults_at_a_place(said):
+    assert sum(said in fault for fault in faults(whole(SEAMS[said]))) == 1
 
 
 def test_bad_elements():

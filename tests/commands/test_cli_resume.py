@@ -298,41 +298,42 @@ def test_a_finished_run_gets_its_files_back(case, tmp_path):
     assert contents(out) == before
 
 
-def test_run_over_a_finished_run_asks_for_force_and_then_nothing_of_it_stays(case, tmp_path, capsys):
-    out = tmp_path / "out"
+def finished(case, out):
     assert run(case, "--out", out) == 0
+
+
+def unfinished(case, out):
+    assert killed_at(10, True, case, "--out", out)
+
+
+def without_passes(case, out):
+    out.mkdir()
+    (out / "history.csv").write_text("mine")
+
+
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (finished, "the result of a run"),
+        (unfinished, "passes of an unfinished run"),
+        (without_passes, "the result of a run"),
+    ],
+)
+def test_run_over_a_run_asks_for_force_and_then_nothing_of_it_stays(make, what, case, tmp_path, capsys):
+    out = tmp_path / "out"
+    make(case, out)
     case.write_text(CASE.replace("passes = 2", "passes = 0\nseed = 3"))
     before = contents(out)
     capsys.readouterr()
     assert run(case, "--out", out) == 2
     assert capsys.readouterr().err == (
-        f"kohonen-adapt: '{out}' has the result of a run: continue with --resume {out}, overwrite with --force, or "
-        "choose another folder.\n"
+        f"kohonen-adapt: '{out}' has {what}: continue with --resume {out}, overwrite with --force, or choose another "
+        "folder.\n"
     )
     assert contents(out) == before
     assert run(case, "--out", out, "--force") == 0
-    assert sorted(file.name for file in (tmp_path / "out" / "passes").iterdir()) == ["ended.txt", "pass-0000.npz"]
-    assert len(table_of(tmp_path / "out" / "history.csv")) == 1
-
-
-def test_out_keeps_a_run_that_has_not_ended(case, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert killed_at(10, True, case, "--out", out)
-    before = contents(out)
-    assert run(case, "--out", out) == 2
-    assert capsys.readouterr().err == (
-        f"kohonen-adapt: '{out}' has passes of an unfinished run: continue with --resume {out}, overwrite with "
-        "--force, or choose another folder.\n"
-    )
-    assert contents(out) == before
-    assert run(case, "--out", out, "--force") == 0 and (out / "passes" / "ended.txt").exists()
-
-
-def test_run_over_a_result_without_its_passes_asks_for_force(case, tmp_path, capsys):
-    (tmp_path / "history.csv").write_text("mine")
-    assert run(case, "--out", tmp_path) == 2
-    assert f"'{tmp_path}' has the result of a run: " in capsys.readouterr().err
-    assert (tmp_path / "history.csv").read_text() == "mine" and not (tmp_path / "passes").exists()
+    assert sorted(file.name for file in (out / "passes").iterdir()) == ["ended.txt", "pass-0000.npz"]
+    assert len(table_of(out / "history.csv")) == 1
 
 
 @pytest.mark.parametrize("options", [["--out"], ["--force", "--out"], ["--resume"]])

@@ -141,18 +141,11 @@ def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch
             "target_nodes = 10",
             "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
         ),
-        ("c_core.msh", "none.msh", "mesh must be the path of a mesh file, relative to the case; there is no file '"),
         (
             "passes = 2",
             'passes = "2"',
             "adapt.passes must be an integer up to 2147483647; got '2'. Write it without quotes.",
         ),
-        (
-            "outer = 0.0",
-            "outer = '0 T'",
-            "potential.outer must have an expression at character 3; got 'T'. Write a sum",
-        ),
-        ("passes = 2", "polish = 'no'", "adapt.polish must be true or false; got 'no'. Write it without quotes."),
     ],
 )
 def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):

@@ -114,3 +114,12 @@ def house_names(path):
     for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
         if token.type == tokenize.NAME and token.string in NAMES | neurons:
             yield token.start[0], token.string
+
+
+def imports_of(source):
+    """Yield (module, name) of every import in a program, in functions too; of a whole module the name is None."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, None) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (("." * node.level + (node.module or ""), alias.name) for alias in node.names)

@@ -142,7 +142,7 @@ OTHERS = {".toml": read_case, ".csv": read_bh}
 
 
 @pytest.mark.parametrize("name", SEEDS)
-@examples(60, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
+@examples(50, deadline=PATIENCE, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_spoilt_files(good, tmp_path_factory, name, data):
     folder, in_folder = tmp_path_factory.mktemp("spoilt"), name.startswith("elmer/")

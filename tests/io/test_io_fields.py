@@ -38,38 +38,31 @@ def test_lists_of_triangles(tmp_path):
     assert_allclose(ka.read_field(tmp_path / "f.pos", mesh, "g"), cellwise + 1.0, rtol=1e-14)
 
 
-def test_lists_that_do_not_fit(tmp_path):
-    mesh, path = two_rooms(), tmp_path / "f.pos"
-    values = ramp(mesh)[0][mesh.t].T
-    path.write_text(as_list(mesh, values[:, [0, 1, 2, 0, 1, 2]]))
-    with pytest.raises(ValueError, match="must have triangles of 9 coordinates and 3 values, one step"):
-        ka.read_field(path, mesh, "f")
-    path.write_text(as_list(mesh, values) + as_list(mesh, values))
-    with pytest.raises(ValueError, match="has 2 fields or steps 'f'; write one only"):
-        ka.read_field(path, mesh, "f")
-    path.write_text(as_list(mesh, values) + as_list(mesh.translated((1.0, 0.0)), values, "g"))
-    with pytest.raises(ValueError, match="has views on different triangles; write each view to its own file"):
-        ka.read_field(path, mesh, "f")
-    path.write_text('View "f" {\n};')
-    with pytest.raises(ValueError, match=r"expected a field on the mesh, of 45 nodes and 64 triangles; .* 0 and 0"):
-        ka.read_field(path, mesh, "f")
+ROOMS = two_rooms()
+VALUES = ramp(ROOMS)[0][ROOMS.t].T
+LIST, VECTORS = as_list(ROOMS, VALUES), as_list(ROOMS, np.repeat(VALUES, 3, axis=1), "b", "VT")
+ELSEWHERE = as_list(ROOMS.translated((1.0, 0.0)), VALUES, "g")
+OTHER_LISTS = [  # text, field, and what is said
+    (as_list(ROOMS, VALUES[:, [0, 1, 2] * 2]), "f", "must have triangles of 9 coordinates and 3 values, one step"),
+    (LIST + LIST, "f", "has 2 fields or steps 'f'; write one only"),
+    (LIST + ELSEWHERE, "f", "has views on different triangles; write each view to its own file"),
+    ('View "f" {\n};', "f", r"expected a field on the mesh, of 45 nodes and 64 triangles; .* 0 and 0"),
+    (LIST + VECTORS, "b", r"'b' of '.*' must be one real number or a tensor .*; got 3 components\. Write a "),
+    ('View "p" {\nSP(0,0,0){1};\n};', "p", r"the view 'p' of '.*' has 'SP'\. Write it on triangles alone"),
+    ('View "p" {\nSL(0,0,0,1,0,0){1,2};VT2(0){1};\n};', "p", r"has 'SL', 'VT2'\. Write it on triangles alone"),
+]
 
 
-def test_views_of_vectors_and_of_other_shapes(tmp_path):
-    """A vector view beside a scalar one does no harm; asked for, it is a vector, and not one of 0 nodes."""
-    mesh, path = two_rooms(), tmp_path / "f.pos"
-    values = ramp(mesh)[0][mesh.t].T
-    vectors = as_list(mesh, np.repeat(values, 3, axis=1), "b", "VT")
-    path.write_text(as_list(mesh, values) + vectors)
-    assert_allclose(ka.read_field(path, mesh, "f"), ramp(mesh)[1], rtol=1e-14)
-    with pytest.raises(
-        ValueError, match=r"'b' of '.*' must be one real number or a tensor .*; got 3 components\. Write a "
-    ):
-        ka.read_field(path, mesh, "b")
-    for text, said in (("SP(0,0,0){1};", "SP"), ("SL(0,0,0,1,0,0){1,2};VT2(0){1};", "'SL', 'VT2'")):
-        path.write_text(f'View "p" {{\n{text}\n}};')
-        with pytest.raises(ValueError, match=rf"the view 'p' of '.*' has '?{said}'?\. Write it on triangles alone"):
-            ka.read_field(path, mesh, "p")
+@pytest.mark.parametrize(("text", "name", "said"), OTHER_LISTS)
+def test_lists_that_do_not_fit(tmp_path, text, name, said):
+    (tmp_path / "f.pos").write_text(text)
+    with pytest.raises(ValueError, match=said):
+        ka.read_field(tmp_path / "f.pos", ROOMS, name)
+
+
+def test_a_view_of_vectors_beside_one_of_numbers_does_no_harm(tmp_path):
+    (tmp_path / "f.pos").write_text(LIST + VECTORS)
+    assert_allclose(ka.read_field(tmp_path / "f.pos", ROOMS, "f"), ramp(ROOMS)[1], rtol=1e-14)
 
 
 def test_data_for_a_part_only_is_refused(tmp_path, capsys):

@@ -119,24 +119,27 @@ def test_numbers_of_ones_own(tmp_path, suffix):
     assert len({number for _, number in new} | {5, 2, 8}) == len(new) + 3
 
 
-def test_names_that_are_numbers_need_no_groups(tmp_path):
-    mesh = MeshTri().refined(2).with_subdomains({"region_101": np.arange(5), "iron": np.arange(5, 9)})
-    mesh = mesh.with_boundaries({"boundary_101": lambda x: x[0] == 0, "boundary_0": lambda x: x[1] == 0})
+@pytest.mark.parametrize(
+    ("subdomains", "boundaries", "names"),
+    [
+        (
+            {"region_101": np.arange(5), "iron": np.arange(5, 9)},
+            {"boundary_101": lambda x: x[0] == 0, "boundary_0": lambda x: x[1] == 0},
+            {(1, 2): "boundary_0", (1, 101): "boundary_101", (2, 1): "iron", (2, 101): "region_101"},
+        ),
+        ({"region_4": np.empty(0, np.int32), "all": np.arange(2)}, {}, {(2, 1): "all", (2, 4): "region_4"}),
+    ],
+    ids=["numbers", "an empty one"],
+)
+def test_names_that_are_numbers_need_no_groups(subdomains, boundaries, names, tmp_path):
+    mesh = MeshTri().refined(2).with_subdomains(subdomains).with_boundaries(boundaries)
     ka.write_mesh(tmp_path / "mesh.msh", mesh)
-    assert_same(ka.read_mesh(tmp_path / "mesh.msh"), mesh)
-    assert ka.read_groups(tmp_path / "mesh.msh").names == {
-        (1, 2): "boundary_0",
-        (1, 101): "boundary_101",
-        (2, 1): "iron",
-        (2, 101): "region_101",
-    }
+    assert ka.read_groups(tmp_path / "mesh.msh").names == names
     assert "region_101" not in (tmp_path / "mesh.msh").read_text()
-
-
-def test_an_empty_group_without_a_name_is_not_forgotten(tmp_path):
-    mesh = MeshTri().with_subdomains({"region_4": np.empty(0, np.int32), "all": np.arange(2)})
-    ka.write_mesh(tmp_path / "mesh.msh", mesh)
-    assert ka.read_groups(tmp_path / "mesh.msh").names == {(2, 1): "all", (2, 4): "region_4"}
+    back = ka.read_mesh(tmp_path / "mesh.msh")
+    assert {name: rows.tolist() for name, rows in back.subdomains.items()} == {
+        name: rows.tolist() for name, rows in mesh.subdomains.items()
+    }
 
 
 def test_two_numbers_of_one_name_are_reported(tmp_path, caplog):

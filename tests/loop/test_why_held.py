@@ -18,15 +18,6 @@ def at(mesh, *x):
     return int(np.argmin(np.sum((mesh.p - np.array(x)[:, None]) ** 2, axis=0)))
 
 
-def test_corners_junctions_and_pinned_nodes_say_so():
-    mesh = square()
-    why = ka.why_held(mesh, rules=ka.Rules(pinned=[at(mesh, 0.25, 0.25)]))
-    assert why[at(mesh, 0.0, 0.0)] == "corner of boundary 'rim', 90 degrees"
-    assert why[at(mesh, 0.5, 0.0)] == "junction of 3 boundaries and interfaces at boundary 'rim'"
-    assert why[at(mesh, 0.25, 0.25)] == "pinned by number"
-    assert (why != "").sum() == 4 + 2 + 1
-
-
 def test_a_turn_without_a_curve_asks_for_one():
     angles = np.radians([0.0, 20.0, 40.0])
     rim = np.stack([np.cos(angles), np.sin(angles)])
@@ -58,15 +49,6 @@ def test_held_nodes_stay_and_most_others_move(mesh):
     assert np.mean(still[why == ""]) < 0.3
 
 
-def test_the_polish_has_reasons_of_its_own():
-    mesh = square()
-    materials = {"left": Material(current_density=1e6), "right": Material()}
-    linear, bent = (Magnetostatics(materials, {"rim": f}, order=1) for f in (0.0, lambda x: x[0] ** 2))
-    v = at(mesh, 0.25, 0.0)
-    assert ka.why_held(mesh, linear)[v] == ""
-    assert ka.why_held(mesh, bent)[v] == "polish: Dirichlet values that are not linear along boundary 'rim'"
-
-
 SIDES = {"left side": lambda x: x[0] == 0.0, "right side": lambda x: x[0] == 1.0, "floor": lambda x: x[1] == 0.0}
 COIL = {"left": Material(current_density=1e6), "right": Material()}
 
@@ -75,32 +57,64 @@ def of_sides():
     return MeshTri().refined(3).with_subdomains(HALVES).with_boundaries(SIDES)
 
 
-def test_a_pin_says_by_which_name():
-    mesh = of_sides()
-    why = ka.why_held(mesh, ka.Rules(pinned=["floor", "left"]))
-    assert why[at(mesh, 1.0, 0.0)] == "pinned by boundary 'floor'"
-    assert why[at(mesh, 0.25, 0.5)] == "pinned by subdomain 'left'"
+def field(order=1, **more):
+    return Magnetostatics(COIL, order=order, **{"potential": {"floor": 0.0}, **more})
 
 
-def test_pairs_hold_where_the_other_node_cannot_slide():
-    mesh = of_sides()
-    why = ka.why_held(mesh, ka.Rules(periodic=[("left side", "right side")], pinned=["right side"]))
-    assert why[at(mesh, 0.0, 0.0)] == "corner of boundaries 'floor', 'left side', 90 degrees"
-    assert why[at(mesh, 0.0, 0.5)] == "periodic pair on boundary 'left side', whose other node cannot slide"
-    assert ka.why_held(mesh, ka.Rules(periodic=[("left side", "right side")]))[at(mesh, 0.0, 0.5)] == ""
+class Alone:
+    def solve(self, mesh):
+        return np.zeros(mesh.nvertices)
+
+    def indicators(self, mesh, solution):
+        x = mesh.p[:, mesh.t].mean(axis=1)
+        return 1.0 / (0.05 + np.hypot(x[0] - 1.0, x[1])) ** 2
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
-def test_rules_beside_a_problem_are_obeyed(order):
-    mesh, probe = of_sides(), {"probe": np.array([[0.75], [0.75]])}
-    periodic = [("left side", "right side")]
-    problem = Magnetostatics(COIL, {"floor": 0.0}, periodic=periodic, order=order, points=probe)
-    why = ka.why_held(mesh, problem, ka.Rules(pinned=["right side", at(mesh, 0.5, 0.5)]))
-    assert why[at(mesh, 0.75, 0.75)] == "point 'probe' of the problem"
-    assert why[at(mesh, 0.5, 0.5)] == "pinned by number"
-    assert why[at(mesh, 1.0, 0.5)] == "pinned by boundary 'right side'"
-    assert why[at(mesh, 0.0, 0.5)].startswith("periodic pair on boundary 'left side'")
-    assert why[at(mesh, 0.25, 0.0)] == why[at(mesh, 0.25, 0.25)] == ""
+PAIRS = [("left side", "right side")]
+PROBE = {"probe": np.array([[0.75], [0.75]])}
+MIDDLE = 0.5, 0.5
+PINNED = ka.Rules(pinned=["right side", at(of_sides(), *MIDDLE)])
+REASONS = [  # mesh, problem and rules, and reasons by the places of nodes
+    (square(), [ka.Rules(pinned=[at(square(), 0.25, 0.25)])], {
+        (0.0, 0.0): "corner of boundary 'rim', 90 degrees",
+        (0.5, 0.0): "junction of 3 boundaries and interfaces at boundary 'rim'",
+        (0.25, 0.25): "pinned by number",
+    }),
+    (square(), [field(potential={"rim": 0.0})], {(0.25, 0.0): ""}),
+    (square(), [field(potential={"rim": lambda x: x[0] ** 2})], {
+        (0.25, 0.0): "polish: Dirichlet values that are not linear along boundary 'rim'",
+    }),
+    (square(), [Alone()], {(0.3, 0.3): "polish: Alone has no method ritz(mesh, solution)"}),
+    (of_sides(), [ka.Rules(pinned=["floor", "left"])], {
+        (1.0, 0.0): "pinned by boundary 'floor'", (0.25, 0.5): "pinned by subdomain 'left'",
+    }),
+    (of_sides(), [ka.Rules(periodic=PAIRS)], {(0.0, 0.5): ""}),
+    (of_sides(), [ka.Rules(periodic=PAIRS, pinned=["right side"])], {
+        (0.0, 0.0): "corner of boundaries 'floor', 'left side', 90 degrees",
+        (0.0, 0.5): "periodic pair on boundary 'left side', whose other node cannot slide",
+    }),
+    *(
+        (of_sides(), [field(order, periodic=PAIRS, points=PROBE), PINNED], {
+            (0.75, 0.75): "point 'probe' of the problem",
+            MIDDLE: "pinned by number",
+            (1.0, 0.5): "pinned by boundary 'right side'",
+            (0.0, 0.5): "periodic pair on boundary 'left side', whose other node cannot slide",
+            (0.25, 0.0): "",
+            (0.25, 0.25): "",
+        })
+        for order in (1, 2, 3)
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("mesh", "given", "reasons"), REASONS)
+def test_held_nodes_say_why(mesh, given, reasons):
+    why = ka.why_held(mesh, *given)
+    assert {place: why[at(mesh, *place)] for place in reasons} == reasons
+
+
+def test_corners_junctions_and_pins_are_all_that_is_held():
+    assert np.sum(ka.why_held(square(), rules=ka.Rules(pinned=[at(square(), 0.25, 0.25)])) != "") == 4 + 2 + 1
 
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])
@@ -224,20 +238,6 @@ def test_passes_count_refusals_on_tetrahedra(schedule):
     lax, strict = (counts(ka.adapt(mesh, problem, min_quality=q, **options))[1] for q in (0.0, 0.9))
     assert strict[0] > lax[0] and strict[3] > lax[3]
     assert lax[2] == strict[2] == np.sum(np.char.startswith(ka.why_held(mesh, problem), "polish: "))
-
-
-class Alone:
-    def solve(self, mesh):
-        return np.zeros(mesh.nvertices)
-
-    def indicators(self, mesh, solution):
-        x = mesh.p[:, mesh.t].mean(axis=1)
-        return 1.0 / (0.05 + np.hypot(x[0] - 1.0, x[1])) ** 2
-
-
-def test_a_problem_without_energy_says_what_it_lacks():
-    why = ka.why_held(square(), Alone())
-    assert why[at(square(), 0.3, 0.3)] == "polish: Alone has no method ritz(mesh, solution)"
 
 
 def test_what_is_neither_problem_nor_rules_is_refused():

@@ -1,12 +1,13 @@
 """A file imports from its own chapter and from those below it."""
 
-import ast
 import inspect
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+from helpers.prose import imports_of
 
 import kohonen_adapt
 
@@ -52,12 +53,9 @@ def chapter_of(path):
 
 def imported_modules(path):
     """Absolute names of the modules that a file imports anywhere, in functions too."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path.relative_to(PACKAGE)}:{node.lineno} imports by dots; write kohonen_adapt.…"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    for module, name in imports_of(path.read_text(encoding="utf-8")):
+        assert not module.startswith("."), f"{path.relative_to(PACKAGE)} imports by dots; write kohonen_adapt.…"
+        yield f"{module}.{name}" if name else module
 
 
 def imported_chapters(path):

@@ -3,11 +3,11 @@
 import dataclasses
 import importlib
 import inspect
-import io
 import pkgutil
 import re
-import tokenize
 from pathlib import Path
+
+from helpers.prose import comments, docstrings
 
 import kohonen_adapt as ka
 
@@ -78,13 +78,6 @@ def test_the_list_by_purpose_has_every_keyword_of_adapt():
     assert sorted(re.findall(r"`(\w+)`", listed)) == sorted(keywords)
 
 
-def words_of(path):
-    """Comments and docstrings of a file."""
-    for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
-        if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and token.string.startswith('"""')):
-            yield token.string
-
-
 def names_nothing(module, name):
     homes = [Path(file).read_text(encoding="utf-8") for file in FILES if file.endswith(f"/{module}.py")]
     return not any(re.search(rf"\b(def|class) {name}\b|^{name} =", home, re.MULTILINE) for home in homes)
@@ -92,7 +85,7 @@ def names_nothing(module, name):
 
 def test_comments_name_files_and_functions_that_exist():
     for path in PACKAGE.rglob("*.py"):
-        text = "\n".join(words_of(path))
+        text = "\n".join(each[-1] for each in (*comments(path), *docstrings(path)))
         files = re.findall(r"[\w/]+\.py\b", text)
         functions = re.findall(r"\bsee `([a-z_]+)\.([A-Za-z_]\w*)`", text)
         nowhere = [name for name in files if not any(file.endswith(f"/{name}") for file in FILES)]

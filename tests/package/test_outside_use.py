@@ -5,6 +5,8 @@ import importlib
 import json
 from pathlib import Path
 
+from helpers.prose import imports_of
+
 ROOT = Path(__file__).parents[2]
 FACES = ["", ".cases", ".elements", ".estimators", ".magnetostatics", ".plotting", ".report"]
 PUBLIC = {f"kohonen_adapt{face}": set(importlib.import_module(f"kohonen_adapt{face}").__all__) for face in FACES}
@@ -33,16 +35,6 @@ READS_ERRORS = {f"benchmarks/checks/{name}.py" for name in ("effectivity", "forc
 READS_ERRORS |= {"benchmarks/problems/solids_by_order.py", "benchmarks/peers/hp_in_space.py"}
 
 
-def imported(tree):
-    """Pairs of a module of the package and a name taken from it; of whole modules the name is None."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-            yield from ((name, None) for name in names if name.split(".")[0] == "kohonen_adapt")
-        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "kohonen_adapt":
-            yield from ((node.module, alias.name) for alias in node.names)
-
-
 def parts_of(node):
     """The parts of a dotted name; an expression that such a name begins with is left out as one empty part."""
     if isinstance(node, ast.Attribute):
@@ -58,8 +50,9 @@ def test_they_import_public_names():
     wrong = [
         f"{path} imports {name} of {module}"
         for path in PROGRAMS.keys() - READS_CASES - READS_ERRORS
-        for module, name in imported(ast.parse(PROGRAMS[path]))
-        if (module != "kohonen_adapt" if name is None else name not in PUBLIC.get(module, ()))
+        for module, name in imports_of(PROGRAMS[path])
+        if module.split(".")[0] == "kohonen_adapt"
+        and (module != "kohonen_adapt" if name is None else name not in PUBLIC.get(module, ()))
     ]
     assert not wrong
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.prose import imports_of
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -200,11 +201,9 @@ def test_calls_leave_nothing_behind():
 
 
 def imports_of_tests():
-    """Module and names of every import in the tests, with the file."""
+    """Path, module and name of every import in the tests."""
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom):
-                yield path, node.module or "", [alias.name for alias in node.names]
+        yield from ((path, *each) for each in imports_of(path.read_text(encoding="utf-8")))
 
 
 def test_tests_import_public_names_from_where_they_are_public():
@@ -213,9 +212,8 @@ def test_tests_import_public_names_from_where_they_are_public():
     homes = {module.__name__ for module in MODULES}
     wrong = [
         f"{path}: {name} of {module}"
-        for path, module, names in imports_of_tests()
+        for path, module, name in imports_of_tests()
         if module.startswith("kohonen_adapt.") and module not in homes and ".kernels" not in module
-        for name in names
         if name in public and getattr(importlib.import_module(module), name, None) is public[name]
     ]
     assert not wrong
