@@ -1,6 +1,7 @@
 """Slow twins: the same things said in plain Python, without a clever order, kernels or shared code."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 
@@ -12,36 +13,51 @@ def nearest_node(position, x, candidates=None):
     return int(numbers[np.argmin(distance)]), float(distance.min())
 
 
-def distance_to_segment(a, b, x):
-    """From the point x to the segment from a to b."""
-    share = np.clip(np.dot(x - a, b - a) / np.dot(b - a, b - a), 0.0, 1.0)
-    return math.dist(x, a + share * (b - a))
+def distance_to_simplex(corners, x):
+    """From the point x to the convex hull of independent corners: the nearest point lies within one of its faces."""
+    best = np.inf
+    for size in range(1, len(corners) + 1):
+        for chosen in combinations(corners, size):
+            base, span = chosen[0], np.array([c - chosen[0] for c in chosen[1:]]).reshape(-1, len(x))
+            share = np.linalg.lstsq(span.T, x - base, rcond=None)[0]
+            if np.all(share >= -1e-12) and share.sum() <= 1 + 1e-12:
+                best = min(best, float(np.linalg.norm(base + share @ span - x)))
+    return best
 
 
 def flooded(position, node, neighbour, region, holder, x, radius):
-    """Elements reached from the holder, within its region, by crossing edges that meet the disc around x."""
+    """Elements reached from the holder, within its region, by crossing facets that meet the ball around x."""
     reached, waiting = {holder}, [holder]
     while waiting:
         e = waiting.pop()
-        for k in range(3):
-            across = neighbour[e, k]
+        for k in range(node.shape[1]):
+            across = int(neighbour[e, k])
             if across < 0 or across in reached or region[across] != region[e]:
                 continue
-            a, b = position[node[e, k - 2]], position[node[e, k - 1]]
-            if distance_to_segment(a, b, x) <= radius * (1 + 1e-12):
+            if distance_to_simplex(position[np.delete(node[e], k)], x) <= radius * (1 + 1e-12):
                 reached.add(across)
                 waiting.append(across)
     return reached
 
 
 def canonical_winner(position, node, neighbour, region, holder, x):
-    """The nearest node of an element that the flood of the disc through that node reaches; None where none counts."""
-    distance = np.sqrt(((position - x) ** 2).sum(axis=1))
+    """The nearest node of an element that the flood of the ball through that node reaches."""
+    distance = np.linalg.norm(position - x, axis=1)
     for v in np.lexsort([np.arange(len(position)), distance]):
         reached = flooded(position, node, neighbour, region, holder, x, distance[v])
         if any(v in node[e] for e in reached):
             return int(v), float(distance[v])
     return None
+
+
+def rings(node, winner, radius):
+    """Lists of nodes 0, 1, ... `radius` edges away from the winner."""
+    found, seen = [[winner]], {winner}
+    for _ in range(radius):
+        ring = {int(v) for u in found[-1] for v in node[(node == u).any(axis=1)].ravel()} - seen
+        found.append(sorted(ring))
+        seen |= ring
+    return found
 
 
 def holders(position, node, region, x, number):
@@ -76,17 +92,6 @@ def signed_quality(a, b, c):
     return 2 * math.sqrt(3) * cross(b - a, c - a) / squares
 
 
-def rings(node, region, winner, radius, number):
-    """Lists of nodes 0, 1, ... `radius` edges away from the winner, within a region and its outline."""
-    inside = node[region == number]
-    found, seen = [[winner]], {winner}
-    for _ in range(radius):
-        ring = {int(v) for u in found[-1] for row in inside[(inside == u).any(axis=1)] for v in row} - seen
-        found.append(sorted(ring))
-        seen |= ring
-    return found
-
-
 class SlowMap:
     """Equation 1 of the paper with the guard, for nodes in the plane; nodes on outlines stay where they are."""
 
@@ -113,7 +118,7 @@ class SlowMap:
     def present(self, x, number, rate, strength):
         """One training point; returns the distance to its winner."""
         winner, distance = self.winner(x, number)
-        nearby = rings(self.node, self.region, winner, len(strength) - 1, number)
+        nearby = rings(self.node[self.region == number], winner, len(strength) - 1)
         for ring, share in zip(nearby, strength, strict=True):
             for v in ring:
                 if self.movable[v]:
@@ -160,36 +165,3 @@ def locally_delaunay(a, b, c, d):
     """Whether d lies outside the circle through the counter-clockwise a, b, c, or nearly on it."""
     centre = circumcentre(a, b, c)
     return math.dist(centre, d) >= math.dist(centre, a) * (1 - 1e-8)
-
-
-def functional(position, node, data, values, laws=None):
-    """int c/2 |grad u|^2 - f u - g . grad u, the sum over elements; `data` (m, 4) holds c, f and the two parts of g.
-
-    `laws` (m,) holds None, or the law whose energy stands in place of c/2 |grad u|^2.
-    """
-    corners, nodal, (c, f, *g) = position[node], values[node], data.T
-    planes = np.dstack([corners, np.ones(nodal.shape)])
-    gradient = np.linalg.solve(planes, nodal[..., None])[:, :2, 0].T
-    area = 0.5 * cross((corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T)
-    stored = c / 2 * np.sum(gradient**2, axis=0)
-    laws = [None] * len(node) if laws is None else laws
-    for law in {id(law): law for law in laws if law is not None}.values():
-        rows = np.array([each is law for each in laws])
-        stored[rows] = law.energy(np.hypot(*gradient[:, rows]))
-    return float(area @ (stored - f * nodal.mean(axis=1) - np.sum(g * gradient, axis=0)))
-
-
-def ritz_solution(position, node, data, values, fixed):
-    """The values that minimise the functional with the fixed ones kept: dense, from the hat functions."""
-    n = len(position)
-    matrix, load = np.zeros((n, n)), np.zeros(n)
-    for (c, f, *g), corners in zip(data, node, strict=True):
-        plane = np.column_stack([position[corners], np.ones(3)])
-        hats = np.linalg.inv(plane)[:2]
-        area = 0.5 * abs(np.linalg.det(plane))
-        matrix[np.ix_(corners, corners)] += c * area * hats.T @ hats
-        load[corners] += area * (f / 3 + np.array(g) @ hats)
-    free = ~fixed
-    solution = np.where(fixed, values, 0.0)
-    solution[free] = np.linalg.solve(matrix[np.ix_(free, free)], (load - matrix @ solution)[free])
-    return solution

@@ -33,10 +33,6 @@ def case_in(folder, text=INSET):
     return folder / "case.toml"
 
 
-def report_in(folder):
-    return (folder / "report.html").read_text(encoding="utf-8")
-
-
 def dry_run(file, text):
     """Write a case, and return the exit status of a dry run of it."""
     file.write_text(text)

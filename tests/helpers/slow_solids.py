@@ -4,44 +4,9 @@ from itertools import combinations
 
 import numpy as np
 
+from helpers.alternatives import rings
+
 INSIDE, ON_PATCH, ON_RIDGE = 3, 2, 1
-
-
-def distance_to_simplex(corners, x):
-    """From the point x to the convex hull of independent corners: the nearest point lies within one of its faces."""
-    best = np.inf
-    for size in range(1, len(corners) + 1):
-        for chosen in combinations(corners, size):
-            base, span = chosen[0], np.array([c - chosen[0] for c in chosen[1:]]).reshape(-1, 3)
-            share = np.linalg.lstsq(span.T, x - base, rcond=None)[0]
-            if np.all(share >= -1e-12) and share.sum() <= 1 + 1e-12:
-                best = min(best, float(np.linalg.norm(base + share @ span - x)))
-    return best
-
-
-def flooded(position, node, neighbour, region, holder, x, radius):
-    """Elements reached from the holder, within its region, by crossing faces that meet the ball around x."""
-    reached, waiting = {holder}, [holder]
-    while waiting:
-        e = waiting.pop()
-        for k in range(4):
-            across = int(neighbour[e, k])
-            if across < 0 or across in reached or region[across] != region[e]:
-                continue
-            if distance_to_simplex(position[np.delete(node[e], k)], x) <= radius * (1 + 1e-12):
-                reached.add(across)
-                waiting.append(across)
-    return reached
-
-
-def canonical_winner(position, node, neighbour, region, holder, x):
-    """The nearest node of an element that the flood of the ball through that node reaches."""
-    distance = np.linalg.norm(position - x, axis=1)
-    for v in np.lexsort([np.arange(len(position)), distance]):
-        reached = flooded(position, node, neighbour, region, holder, x, distance[v])
-        if any(v in node[e] for e in reached):
-            return int(v), float(distance[v])
-    return None
 
 
 def quality(position, node):
@@ -50,16 +15,6 @@ def quality(position, node):
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
     squares = sum(np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in combinations(range(4), 2))
     return np.sign(volume) * 12 * np.abs(3 * volume) ** (2 / 3) / squares
-
-
-def rings(node, winner, radius):
-    """Lists of nodes 0, 1, ... `radius` edges away from the winner."""
-    found, seen = [[winner]], {winner}
-    for _ in range(radius):
-        ring = {int(v) for u in found[-1] for v in node[(node == u).any(axis=1)].ravel()} - seen
-        found.append(sorted(ring))
-        seen |= ring
-    return found
 
 
 class SlowSolidMap:

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.slow_solids import SlowSolidMap, canonical_winner, distance_to_simplex, quality, rings
+from helpers.alternatives import canonical_winner, distance_to_simplex, rings
+from helpers.slow_solids import SlowSolidMap, quality
 from helpers.solids import box, l_shape, two_regions, volumes
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet

@@ -85,7 +85,7 @@ def test_deep_inside_a_part_nothing_reaches_another(radius):
     interior, queue = np.empty(tri.nnodes, dtype=np.bool_), np.empty(tri.nnodes, dtype=np.int32)
     mark_interior(tri.star.start, tri.star.link, part, radius + 1, interior, queue)
     for v in range(tri.nnodes):
-        near = np.concatenate(rings(tri.elements.node, np.zeros(len(tri.elements.node)), v, radius + 1, 0))
+        near = np.concatenate(rings(tri.elements.node, v, radius + 1))
         assert interior[v] == np.all(part[near.astype(int)] == part[v])
 
 
