@@ -82,6 +82,16 @@ def test_the_magnet_turns_with_its_subdomain(degrees, folder):
     assert mesh.subdomains.keys() == {"rotor", "magnet", "air", "coil"}
 
 
+def test_linkage_of_a_round_magnet_is_a_cosine_of_its_angle(folder):
+    """Exactly, for its field outside is that of a dipole, whose multiples of the mesh are small."""
+    angles = np.arange(0, 360, 30)
+    problems = [solved(case_in(folder, turn={"rotor": float(angle)}))[1] for angle in angles]
+    linkage = np.array([field.flux_linkage("coil") for field in problems])
+    wave = np.exp(1j * np.radians(angles))
+    amplitude = 2.0 * np.mean(linkage / wave)
+    np.testing.assert_allclose(linkage, (amplitude * wave).real, rtol=0, atol=5e-3 * np.abs(amplitude))
+
+
 @pytest.mark.parametrize("vector", ["remanence", "coercivity"])
 def test_vectors_of_every_kind_turn(vector, folder):
     case = case_in(folder, turn={"rotor": 90.0})

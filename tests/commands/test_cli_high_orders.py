@@ -5,7 +5,7 @@ import json
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import INSET, case_in, report_in, table_of
+from helpers.cases import INSET, case_in, table_of
 from helpers.meshes import inset
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
@@ -79,7 +79,7 @@ def test_a_resumed_run_draws_pictures_and_shows_the_input_at_the_order_of_the_pa
     pictures = ["adaptation.png", "density.png", "quality.png", "estimate.png", "outlines.png", "passes.gif"]
     assert {file.name for file in out.iterdir() if file.suffix in (".png", ".gif")} == set(pictures)
     assert capsys.readouterr().out.endswith(f"history.csv, {', '.join(pictures)}, report.html.\n")
-    report = report_in(out)
+    report = (out / "report.html").read_text(encoding="utf-8")
     assert report.count("<img ") == 6 and f"<td>{table_of(out / 'history.csv')[0]['nodes']}</td>" in report
 
 
@@ -105,7 +105,7 @@ def test_around_an_axis_the_report_has_the_flux_function_inside_elements(tmp_pat
     rim = mesh.with_boundaries({"rim": lambda x: (x[0] > 1e-9) | (x[1] < 1e-9) | (x[1] > mesh.p[1].max() - 1e-9)})
     ka.write_mesh(tmp_path / "mesh.msh", rim)
     assert cli.main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
-    report = report_in(tmp_path / "out")
+    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     text = report[report.index('{"unit"') :]
     fields = json.JSONDecoder().raw_decode(text)[0]["fields"]
     assert [field["at"] for field in fields if field.get("lines")] == ["lattice", "lattice"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import dry_run, report_in, table_of
+from helpers.cases import dry_run, table_of
 from helpers.magnet_solids import blocks
 from helpers.worlds import without_matplotlib
 from skfem import MeshTet, MeshTri
@@ -148,13 +148,9 @@ def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, befor
     assert said in capsys.readouterr().err
 
 
-def plain_with(key):
-    """The case without what is of space alone, and with another key."""
-    return CASE.replace('symmetry = {"z-" = "normal"}', key).replace("remanence = [0.0, 0.0, 1.2]", "")
-
-
 def test_goals_by_their_keys(folder):
     """One with vectors of three components makes it a case of space; an energy is one of either."""
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "GOAL").replace("remanence = [0.0, 0.0, 1.2]", "")
     goals = {
         'quantity = "torque", body = "magnet", centre = [0, 0, 0.01], axis = [0, 3, 4]': (
             Torque("magnet", (0.0, 0.0, 0.01), (0.0, 0.6, 0.8)), MagneticScalarPotential, "N m"),
@@ -163,7 +159,7 @@ def test_goals_by_their_keys(folder):
         'quantity = "energy", part = "magnet"': (StoredEnergy("magnet"), Magnetostatics, "J"),
     }  # fmt: skip
     for keys, (goal, kind, unit) in goals.items():
-        (folder / "case.toml").write_text(plain_with(f"goal = {{{keys}}}"))
+        (folder / "case.toml").write_text(plain.replace("GOAL", f"goal = {{{keys}}}"))
         case = read_case(folder / "case.toml")
         assert case.problem.goal == goal and isinstance(case.base_problem, kind) and case.problem.goal_unit == unit
         assert isinstance(case.problem, MagneticScalarPotential)
@@ -171,10 +167,10 @@ def test_goals_by_their_keys(folder):
 
 def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     """What could be a case of the plane is one of tetrahedra if the mesh is; what is of the plane alone is refused."""
-    plain = plain_with("depth = 2.0")
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "depth = 2.0").replace("remanence = [0.0, 0.0, 1.2]", "")
     assert dry_run(folder / "case.toml", plain) == 2
     assert "depth: for meshes of triangles only" in capsys.readouterr().err
-    (folder / "case.toml").write_text(plain_with(""))
+    (folder / "case.toml").write_text(plain.replace("depth = 2.0", ""))
     case = read_case(folder / "case.toml")
     assert isinstance(case.base_problem, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
 
@@ -185,14 +181,14 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
      ('estimator = "bracket"', 1, "bracket")],
 )  # fmt: skip
 def test_order_and_estimator_of_tetrahedra_without_other_keys_of_space(key, order, estimator, folder):
-    plain = plain_with(key)
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', key).replace("remanence = [0.0, 0.0, 1.2]", "")
     (folder / "case.toml").write_text(plain)
     problem = read_case(folder / "case.toml").problem
     assert isinstance(problem, MagneticScalarPotential) and (problem.order, problem.estimator) == (order, estimator)
 
 
 def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
-    plain = plain_with("order = 7")
+    plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 7").replace("remanence = [0.0, 0.0, 1.2]", "")
     assert dry_run(folder / "case.toml", plain) == 2
     assert "order of the elements must be a whole number from 1 to 6, or 'auto'; got 7." in capsys.readouterr().err
     for key in ("z", "x"):
@@ -222,7 +218,7 @@ def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys, mon
     assert found.guaranteed
     sentence = f"Bounds by both potentials on the last mesh: {found.summary}."
     assert sentence in capsys.readouterr().out
-    page = report_in(tmp_path / "out")
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert sentence in page and "width of the bounds" in page
 
 

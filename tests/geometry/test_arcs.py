@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import circle, closed, peak, ring, shells, square, with_lines
+from helpers.meshes import centres, circle, closed, peak, ring, shells, square, with_lines
 from helpers.own_curves import Ellipse
+from helpers.tensor_meshes import disk
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -119,25 +120,20 @@ def test_a_circle_from_a_junction_back_to_it_is_two_arcs(n):
     assert np.sum(kind == HELD) == 4 and kind[0] == kind[2 * n] == HELD
 
 
-def arkkio(n, oriented):
+def arkkio(oriented):
     """Rotor, gap and stator, with a ring named arkkio in the middle of the gap."""
-    around = circle(n, 0.1)
-    mesh = shells([0.3 * around, 0.5 * around, 0.55 * around, 0.6 * around, around], 2)
-    line = closed(np.arange(4 * n, 5 * n))
-    mesh = with_lines(mesh, {"arkkio": line, "outer": closed(np.arange(8 * n, 9 * n))})
-    radius = np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
-    parts = {"rotor": radius < 0.495, "gap": (radius > 0.495) & (radius < 0.595), "stator": radius > 0.595}
+    mesh = disk(np.array([0.15, 0.3, 0.5, 0.55, 0.6, 1.0]), {"rotor": 3, "gap": 5, "stator": 6})
+    line = np.flatnonzero(np.all(np.abs(np.hypot(*mesh.p[:, mesh.facets]) - 0.55) < 1e-9, axis=0))
     if oriented:
-        rows = mesh.boundaries["arkkio"]
-        inside = np.hypot(*mesh.p[:, mesh.t[:, mesh.f2t[0, rows]]].mean(axis=1)) < 0.55
-        mesh = mesh.with_boundaries({"arkkio": OrientedBoundary(rows, np.where(inside, 0, 1))})
-    return mesh.with_subdomains({name: np.flatnonzero(mask) for name, mask in parts.items()})
+        outside = np.hypot(*centres(mesh)[:, mesh.f2t[0, line]]) > 0.55
+        line = OrientedBoundary(line, outside.astype(int))
+    return mesh.with_boundaries({"arkkio": line})
 
 
 @pytest.mark.parametrize("oriented", [False, True])
 def test_interfaces_and_named_lines_inside_a_region_are_recognised(oriented):
-    found = circles(arkkio(16, oriented))
-    assert_allclose(sorted(found[:, 2]), [0.3, 0.5, 0.55, 0.6, 1], rtol=1e-12)
+    found = circles(arkkio(oriented))
+    assert_allclose(sorted(found[:, 2]), [0.5, 0.55, 0.6, 1], rtol=1e-12)
     assert np.all(found[:, 3] == 1)
     assert_allclose(found[:, :2], 0, atol=1e-13)
 
@@ -187,10 +183,8 @@ NOT_ROUND = {
     "eight sides": lambda: ring(8, 2),
     "turns of 36 degrees": lambda: ring(10, 2),
     "ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(24) for s in (0.5, 1)], 2),
-    "fine ellipse": lambda: shells([s * np.array([[2.0], [1.0]]) * circle(120) for s in (0.7, 1)], 2),
     "nearly a circle": lambda: shells([s * np.array([[1.01], [1.0]]) * circle(60) for s in (0.5, 1)], 2),
     "spiral": lambda: strip(spiral(24, 0.2, 2.7)),
-    "fine spiral": lambda: strip(spiral(100, 0.2, 2.7)),
     "wave": lambda: strip(np.stack([np.linspace(0, 1, 60), 0.1 * np.sin(np.linspace(0, 9, 60))])),
 }
 

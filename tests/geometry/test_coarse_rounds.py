@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.solids import extruded
 from scipy.spatial import Delaunay
-from skfem import MeshTet
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.__main__ import main
@@ -21,11 +22,8 @@ def flange(strips, shaft):
     # a prism of radius 2 around a shaft of radius 1, both of height 1
     ring = lambda radius, count: radius * np.exp(2j * np.pi * np.arange(count) / count)  # noqa: E731
     z = np.concatenate([[0.0], ring(1.0, shaft), ring(2.0, strips)])
-    flat = np.sort(Delaunay(np.stack([z.real, z.imag], axis=1)).simplices, axis=1).T
-    p = np.hstack([[z.real, z.imag, np.full(len(z), height)] for height in (0.0, 0.5, 1.0)])
-    a, b, c = np.hstack([flat, flat + len(z)])
-    d, e, f = (node + len(z) for node in (a, b, c))
-    mesh = MeshTet(p, np.hstack([[a, b, c, f], [a, b, f, e], [a, f, e, d]]))  # equal diagonals, as nodes are sorted
+    p = np.stack([z.real, z.imag])
+    mesh = extruded(MeshTri(p, Delaunay(p.T).simplices.T))
     outside = mesh.facets[:, mesh.boundary_facets()]
     rim = mesh.boundary_facets()[np.ptp(mesh.p[2, outside], axis=0) > 1e-9]
     inside = np.all(np.hypot(*mesh.p[:2])[mesh.t] < 1.0 + 1e-9, axis=0)

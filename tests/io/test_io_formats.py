@@ -36,16 +36,11 @@ def by_gmsh(tmp_path_factory):
     return folder
 
 
-def both(folder, suffix):
-    """The mesh of Gmsh, and that of a file in another format."""
-    skip_without_h5py(suffix)
-    return ka.read_mesh(folder / "m.msh"), ka.read_mesh(folder / f"m{suffix}")
-
-
 @needs_gmsh
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_the_mesh_is_that_of_gmsh(by_gmsh, suffix):
-    wanted, mesh = both(by_gmsh, suffix)
+    skip_without_h5py(suffix)
+    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
     assert_allclose(mesh.p, wanted.p, rtol=1e-12, atol=1e-12)
     assert_array_equal(mesh.t, wanted.t)
 
@@ -53,7 +48,8 @@ def test_the_mesh_is_that_of_gmsh(by_gmsh, suffix):
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".inp", ".su2", ".med"])
 def test_names_that_the_format_has(by_gmsh, suffix):
-    wanted, mesh = both(by_gmsh, suffix)
+    skip_without_h5py(suffix)
+    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
     for name, rows in wanted.boundaries.items():
         assert_array_equal(np.sort(mesh.boundaries[name]), np.sort(rows))
     if suffix == ".su2":  # it names boundaries only
@@ -80,7 +76,7 @@ def test_what_a_refusal_names_converts_with_all_names(by_gmsh, suffix):
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".vtk", ".mesh"])
 def test_numbers_stand_for_names_that_the_format_has_not(by_gmsh, suffix):
-    wanted, mesh = both(by_gmsh, suffix)
+    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
     assert all(name.startswith("region_") for name in mesh.subdomains)
     areas = [sorted(area(each)[rows].sum() for rows in each.subdomains.values()) for each in (mesh, wanted)]
     assert_allclose(*areas, rtol=1e-12)

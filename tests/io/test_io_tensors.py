@@ -12,6 +12,7 @@ from scipy.linalg import expm, logm
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from kohonen_adapt import __main__ as cli
 
 DATA = Path(__file__).parent / "data"
 MESHES = {2: two_rooms(), 3: two_boxes(2)}
@@ -213,11 +214,22 @@ def test_damaged_solutions(tmp_path, text, reason):
         ka.read_field(tmp_path / "f.sol", MeshTri())
 
 
-def test_binary_solutions_are_refused_with_the_remedy(tmp_path):
+def test_binary_solutions_are_refused_with_the_remedy(tmp_path, capsys):
     (tmp_path / "f.solb").write_bytes(b"\1\0\0\0\2\0\0\0")
     message = r"expected a file name that ends in .*\.sol; got 'f\.solb'\. Write the binary solution as text: Mmg does "
     with pytest.raises(ValueError, match=message):
         ka.read_field(tmp_path / "f.solb", MeshTri())
+    ka.write_mesh(tmp_path / "m.msh", MeshTri())
+    arguments = [
+        "relocate",
+        str(tmp_path / "m.msh"),
+        "--sizes",
+        str(tmp_path / "f.solb"),
+        "-o",
+        str(tmp_path / "o.msh"),
+    ]
+    assert cli.main([*arguments, "--quiet"]) == 2
+    assert "Write the binary solution as text" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("components", [3, 4, 5, 6])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.exact_fields import overrating, true_error
-from helpers.meshes import apart, disk, ring
+from helpers.meshes import disk
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
@@ -100,17 +100,3 @@ def test_the_numbers_of_corners_may_stand_in_any_order():
     x = np.array([[0.3, 0.999, -0.4], [0.4, 0.0, 0.01]])
     one, other = (ka.interpolate(each, mesh.p[0, : mesh.nvertices], x) for each in (turned, mesh))
     np.testing.assert_allclose(one, other, atol=1e-12)
-
-
-@pytest.mark.parametrize(("order", "steps"), [(2, 0), (2, -5), (3, 9)])
-def test_a_rotor_turns_on_a_circle_of_curved_sides(order, steps):
-    """A magnet of a moment of 1 A m^2/m in a field of 1 T across it, its rotor turned by steps of the circle."""
-    rotor = disk(10, 0.5).with_boundaries({"rim": lambda x: x[0] > -9.0}, boundaries_only=True)
-    mesh = apart(rotor, ring(60, 6, inner=0.5, outer=1.0))
-    inside = np.hypot(*mesh.p)[mesh.t].max(axis=0) < 0.3 + 1e-9
-    mesh = mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
-    moment, angle = Material(remanence=(MU0 / (np.pi * 0.3**2), 0.0)), 2 * np.pi * steps / 60
-    pair = ("0 rim", "1 inner", ka.Rotation(angle))
-    rim = {"1 outer": lambda x: x[1]}
-    problem = Magnetostatics({"magnet": moment, "air": Material()}, rim, periodic=[pair], order=order)
-    assert problem.solve(bent_on(mesh, 0.3, 0.5, 1.0)).torque("magnet") == pytest.approx(-np.sin(angle), abs=5e-4)

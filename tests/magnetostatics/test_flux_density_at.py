@@ -195,11 +195,6 @@ def test_wrong_points_are_named(make, message):
             "they are 0.002 m from (0.004, 0), and the radius is 0.003. Give a smaller radius.",
         ),
         (
-            FluxDensityAt((0.19, 0.0), (0.0, 1.0), 0.02),
-            "the spot of FluxDensityAt must not reach the boundary of the mesh or another material, where B jumps; "
-            "they are 0.01 m from (0.19, 0), and the radius is 0.02. Give a smaller radius.",
-        ),
-        (
             FluxDensityAt((0.002, 0.002), (0.0, 1.0)),
             "x of FluxDensityAt must be inside a material; (0.002, 0.002) is on the boundary of the mesh or between "
             "two materials. Move it into one of them.",

@@ -67,7 +67,6 @@ def test_turns(turns):
     ("circuit", "message"),
     [
         ("wire", "circuit must map subdomains to turns, for instance {'coil': 100}; got 'wire'."),
-        ({}, "circuit must map subdomains to turns, for instance {'coil': 100}; got {}."),
         ({"coil": 1}, "subdomain 'coil' is not in the mesh; it has 'air', 'wire'."),
         ({"wire": 0}, "turns of 'wire' must be a finite number other than 0; got 0."),
         (

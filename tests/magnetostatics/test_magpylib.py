@@ -55,16 +55,3 @@ def test_flux_density(field):
     exact = sum(cuboid(name, 200.0).getB(np.c_[x.T, np.zeros(x.shape[1])]) for name in MAGNETS)[:, :2].T
     difference = field.flux_density_at(x, recovered=True) - exact
     assert np.linalg.norm(difference) < 0.01 * np.linalg.norm(exact)
-
-
-@pytest.mark.parametrize("name", MAGNETS)
-def test_force_and_torque(field, name):
-    """On a slice of 1 mm, by finite differences and a fine grid of moments."""
-    centre = MAGNETS[name][0]
-    others = magpylib.Collection([cuboid(other, 200.0) for other in MAGNETS if other != name])
-    force, torque = magpylib.getFT(others, cuboid(name, 1e-3), meshing=(60, 60, 1), eps=1e-6)
-    wanted = 1e3 * force[:2]
-    assert abs(force[2]) < 1e-6 * np.hypot(*force[:2])
-    size = np.hypot(*wanted)
-    assert np.hypot(*(field.force(name) - wanted)) < 0.006 * size
-    assert abs(field.torque(name, centre=centre) - 1e3 * torque[2]) < 0.006 * size * np.hypot(*MAGNETS[name][1])

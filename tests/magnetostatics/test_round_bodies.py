@@ -8,7 +8,6 @@ from helpers.tensor_meshes import sector
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
 
@@ -104,15 +103,3 @@ def test_so_does_a_case_and_a_torque_that_it_asks(tmp_path, asked):
     off, nodes = off_bore(after)
     assert off < 1e-9
     assert nodes > 10
-
-
-def test_check_says_that_a_coarse_bore_is_taken_for_a_polygon(tmp_path, capsys):
-    ka.write_mesh(tmp_path / "it.msh", rotor_mesh())
-    assert cli.main(["check", str(tmp_path / "it.msh")]) == 0
-    hints = [line for line in capsys.readouterr().out.splitlines() if line.startswith("hint: boundary 'inner'")]
-    assert hints == [
-        "hint: boundary 'inner' has 10 nodes on a circle of radius 0.01 about (0, 0) and turns by up to 36 degrees "
-        "at each. It is treated as a polygon, with new nodes on its sides. If it is a circle, adapt with "
-        'curves={"inner": ka.Arc((0, 0), 0.01)}, in a case adapt.curves.inner = {curve = "arc", centre = [0, 0], '
-        "radius = 0.01}."
-    ]

@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from skfem import ElementTetP2, ElementTriP3
 
 from kohonen_adapt.mesh.elements.functions import (
-    KINDS,
-    facet_products,
     hierarchical,
     near_axis,
     nodes,
@@ -45,18 +42,6 @@ def test_slopes_are_the_derivatives_of_the_values(order, dim, kind):
         assert_allclose((ends[0] - ends[1]) / (2.0 * step), slopes[:, axis], atol=1e-6 * abs(slopes).max())
 
 
-@pytest.mark.parametrize(
-    ("element", "order", "dim"), [*((KINDS[k], k, 2) for k in (1, 2)), (ElementTriP3, 3, 2), (ElementTetP2, 2, 3)]
-)
-def test_functions_of_low_orders_are_those_of_scikit_fem(element, order, dim):
-    values, slopes = reference_functions(POINTS[dim], order)
-    assert_allclose(nodes(order, dim, False)[:, 1:], element.doflocs, atol=1e-15)
-    for i in range(len(values)):
-        value, slope = element().lbasis(POINTS[dim].T[1:], i)
-        assert_allclose(values[i], value, atol=1e-14)
-        assert_allclose(slopes[i], np.broadcast_to(np.stack(slope), slopes[i].shape), atol=1e-13)
-
-
 def test_hierarchical_functions_are_those_of_the_kernels():
     a, b, c = POINTS[2].T
     values, _ = hierarchical(POINTS[2], 3)
@@ -83,9 +68,3 @@ def test_functions_of_a_side_are_traces():
     values, _ = reference_functions(on_side, 5)
     assert_allclose(reference_functions(on_side[:, :2], 5)[0], values[[0, 1, 3, 4, 5, 6]], atol=1e-13)
     assert_allclose(positions(5, True) + positions(5, True)[::-1], 1.0, atol=0.0)
-
-
-def test_products_on_a_side_integrate_squares():
-    for order in (1, 2, 3, 4):
-        u = nodes(order, 1, False)[:, 1] ** order
-        assert u @ facet_products(order) @ u == pytest.approx(1.0 / (2 * order + 1), rel=1e-13)

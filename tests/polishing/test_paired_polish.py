@@ -12,7 +12,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import HELD, SLIDING
-from kohonen_adapt.magnetostatics import Magnetostatics
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
@@ -166,21 +165,6 @@ def test_values_on_sides_that_are_no_pairs_of_the_mesh_are_given():
     assert not np.asarray(ritz.fixed)[nodes].all()
     tight = ka.polish(mesh, problem)  # not told of the pairs: these stay where they are
     assert np.abs(tight.p[:, nodes] - mesh.p[:, nodes]).max() < 1e-15
-
-
-class Unsaid(Magnetostatics):
-    """A problem that does not say how values on its pairs are related."""
-
-    def ritz(self, mesh, field):
-        return replace(super().ritz(mesh, field), signs={})
-
-
-def test_polished_pairs_have_less_error_than_held_ones():
-    mesh, problem = machine()
-    unsaid = Unsaid(problem.materials, problem.potential, antiperiodic=problem.antiperiodic, order=1)
-    meshes = [ka.polish(mesh, each, periodic=problem.pairs, sweeps=16) for each in (problem, unsaid)]
-    polished, held = (functional_value(each, problem.ritz(each, problem.solve(each))) for each in meshes)
-    assert polished < held
 
 
 @pytest.mark.parametrize(

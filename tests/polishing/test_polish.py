@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.alternatives import ritz_solution
+from helpers.linear_problems import assembled, solved
 from helpers.meshes import generic_square, inset, junction, l_shape, perturbed, square
 from helpers.scalar_problems import loaded, magnet, magnet_mesh
 from numpy.testing import assert_array_equal
@@ -25,16 +25,13 @@ class Diffusion:
         self.left, self.right = left, right
 
     def solve(self, mesh):
-        return ritz_solution(*self.arrays(mesh), *self.ends(mesh))
+        number = Triangulation.of(mesh).elements.region
+        given = self.coefficient[number], self.source[number], self.flux[:, number]
+        return solved(*assembled(mesh, *given), *self.ends(mesh))
 
     def ritz(self, mesh, solution):
         number, fixed = Triangulation.of(mesh).elements.region, self.ends(mesh)[1]
         return ka.Ritz(solution, fixed, self.coefficient, self.source, self.flux, number)
-
-    def arrays(self, mesh):
-        tri = Triangulation.of(mesh)
-        table = np.column_stack([self.coefficient, self.source, self.flux.T])
-        return tri.position, tri.elements.node, table[tri.elements.region]
 
     def ends(self, mesh):
         x, y = mesh.p

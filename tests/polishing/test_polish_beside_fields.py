@@ -14,8 +14,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import AT_X, FIELD_X, FOLLOWS, GRADIENT_XX
-from kohonen_adapt.kernels.tetrahedron.polish.applied_field import add_loads
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
 from kohonen_adapt.polishing.space.transfer_in_space import transferred_in_space
@@ -94,33 +92,6 @@ def test_nodes_slide_on_iron_and_magnets_and_leave_the_corners():
     values = trial.value[: after.nvertices]
     exact = functional_value(after, replace(problem.ritz(after, problem.solve(after)), values=values))
     assert told == pytest.approx(exact, rel=1e-9)
-
-
-def test_loads_of_faces_are_exact_for_quadratic_fields():
-    """As those by quadrature on flat faces inside, without nodes of the outer boundary."""
-
-    def cubic(x):
-        return 1e3 * np.stack(
-            [x[0] ** 2 - x[1] ** 2 - x[0] * x[2], -2.0 * x[0] * x[1] + x[1] * x[2], (x[1] ** 2 - x[0] ** 2) / 2.0]
-        )
-
-    def derivatives(x):
-        rows = [2.0 * x[0] - x[2], -2.0 * x[1], -x[0], -2.0 * x[0] + x[2], x[1], 0.0 * x[0]]
-        return 1e3 * np.stack(rows, axis=1)
-
-    problem, mesh = MagneticScalarPotential(IRON, {"outer": 0.0}, applied_field=cubic, order=1), block_mesh(2)
-    field, movable, functional, _ = solved(mesh, problem)
-    descent = descent_of(movable, functional)
-    mesh_in_use, applied = descent.opened.mesh, descent.trial.applied
-    rows = np.flatnonzero(applied[:, FOLLOWS])
-    assert_allclose(applied[rows, FIELD_X:GRADIENT_XX], cubic(mesh.p[:, rows]).T, atol=1e-2)
-    applied[rows, FIELD_X:GRADIENT_XX] = cubic(mesh.p[:, rows]).T
-    applied[rows, GRADIENT_XX:AT_X] = derivatives(mesh.p[:, rows])
-    load = np.zeros(len(mesh_in_use.position))
-    add_loads(mesh_in_use, descent.trial, load)
-    inner = np.setdiff1d(rows, mesh.boundary_nodes())
-    assert inner.size > 100
-    assert_allclose(load[inner], field.drive.load[inner], atol=1e-9 * np.abs(field.drive.load).max())
 
 
 def test_at_order_2_nodes_on_driven_faces_stay_and_others_move():

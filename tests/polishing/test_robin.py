@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.curved_meshes import on_circles, with_midsides
 from helpers.meshes import disk as hexagonal_disk
 from helpers.tensor_meshes import disk
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.problem.functional_value import functional_value
 
 
@@ -64,10 +64,7 @@ def bent_disk(rings, radius, half=False):
     mesh = mesh.restrict(np.flatnonzero(mesh.p[0, mesh.t].min(axis=0) > -1e-9)) if half else mesh
     mesh = mesh.with_subdomains({"air": lambda x: x[0] > -9.0})
     mesh = mesh.with_boundaries({"outer": lambda x: np.hypot(*x) > 0.8 * radius}, boundaries_only=True)
-    middle = mesh.p[:, mesh.facets].mean(axis=1)
-    stretch = np.ones(middle.shape[1])
-    stretch[mesh.boundaries["outer"]] = radius / np.hypot(*middle[:, mesh.boundaries["outer"]])
-    return with_midside_offsets(mesh, middle * (stretch - 1.0))
+    return with_midsides(mesh, on_circles)
 
 
 @pytest.mark.parametrize(
