@@ -8,11 +8,9 @@ from helpers.meshes import (
     SHAPES,
     area_of,
     inset,
-    l_shape,
     peak,
     square,
 )
-from helpers.scalar_problems import Corner
 from helpers.stand_ins import Script
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
@@ -134,22 +132,6 @@ def test_nodes_go_where_the_density_is(topology):
     result = ka.relocate(mesh, density, topology=topology)
     points = density_of(Triangulation.of(mesh), density).draw(3000, np.random.default_rng(0)).points
     assert mean_distance(result, points) < 0.85 * mean_distance(mesh, points)
-
-
-@pytest.mark.slow
-def test_eight_calls_each_on_a_fresh_estimate_end_no_worse_than_four():
-    problem, errors = Corner(), []
-    for seed in range(3):
-        mesh, trail = l_shape(8), []
-        for number in range(9):
-            solution = problem.solve(mesh)
-            trail.append(problem.error(mesh, solution))
-            density = ka.density_from_indicators(mesh, problem.indicators(mesh, solution))
-            mesh = ka.relocate(mesh, density, seed=10 * seed + number)
-        errors.append(trail)
-    start, four, eight = np.median(errors, axis=0)[[0, 4, 8]]
-    assert four < 0.6 * start
-    assert eight <= 1.005 * four
 
 
 def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
