@@ -85,8 +85,7 @@ def strong_corners(system: System, among: Mask) -> Ints:
     mesh, coefficient = system.mesh, system.discrete.reluctivity
     kind = np.unique(coefficient, return_inverse=True)[1].ravel()
     materials = Materials(coefficient, kind, None, *fixed_parts(mesh, system.fixed, 1))
-    found, exponent = corner_exponents(mesh, materials, among)
-    strong = found[exponent < STRONG]
+    strong, _ = corner_exponents(mesh, materials, STRONG, among)
     return strong[[bool(system.solved[mesh.t[:, np.any(mesh.t == node, axis=0)]].all()) for node in strong]]
 
 

@@ -27,9 +27,7 @@ ROOM = 10.0  # least size of elements in layers, as a multiple of `RESOLVED`
 
 
 def strong_corners(problem: Arguments, field: Field) -> tuple[Ints, Floats]:
-    nodes, exponent = corner_exponents(field.mesh, materials_of(problem, field))
-    strong = exponent < STRONG
-    return nodes[strong], exponent[strong]
+    return corner_exponents(field.mesh, materials_of(problem, field), STRONG)
 
 
 def layer_counts(mesh: MeshTri, nodes: Ints, exponent: Floats) -> Ints:

@@ -29,6 +29,7 @@ __all__ = [
 ]
 
 STRAIGHT = np.deg2rad(10.0)  # turn of an interface or boundary up to which a node is smooth; chords of arcs turn less
+TURN = 0.5  # least exponent where a line turns
 WHOLE = 0.01  # largest distance of an exponent of a polynomial from 1
 
 
@@ -72,14 +73,14 @@ def interfaces_of(mesh: Mesh, materials: Materials) -> Interfaces:
     return Interfaces(facets, prescribed, kind)
 
 
-def candidates(shape: Blended, lines: Interfaces) -> Ints:
-    # Return the nodes at which lines meet, end, turn or change their kind.
+def candidates(shape: Blended, lines: Interfaces, turn: float = STRAIGHT) -> Ints:
+    # Return the nodes at which lines meet, end, turn by more than an angle or change their kind.
     ends = shape.corners.facets[:, lines.facets]
     _, tangents = shape.facet_points(lines.facets, np.array([0.0, 1.0]))
     direction = np.concatenate([tangents[..., 0], -tangents[..., 1]], axis=1)
     direction /= np.hypot(*direction)
     joints = joints_of(ends.ravel(), direction, np.tile(lines.kind, 2), shape.p.shape[1])
-    return np.flatnonzero((joints.meeting > 0) & ~(joints.joined & (joints.turn <= STRAIGHT)))
+    return np.flatnonzero((joints.meeting > 0) & ~(joints.joined & (joints.turn <= turn)))
 
 
 class Joints(NamedTuple):
@@ -110,15 +111,19 @@ def meetings(place: Ints, direction: Floats, count: int) -> tuple[Ints, Floats]:
     return np.bincount(place, minlength=count), total
 
 
-def corner_exponents(mesh: MeshTri, materials: Materials, among: Mask | None = None) -> tuple[Ints, Floats]:
-    # Return the nodes at which the gradient is infinite, and the least exponent of each.
-    # A mask `among` restricts the nodes.
+def corner_exponents(
+    mesh: MeshTri, materials: Materials, below: float = 1.0 - WHOLE, among: Mask | None = None
+) -> tuple[Ints, Floats]:
+    # Return the nodes with an exponent `below` a number, by default where the gradient is infinite, and the least
+    # exponent of each. A mask `among` restricts the nodes.
     shape = Blended(mesh)
-    nodes = candidates(shape, interfaces_of(shape.corners, materials))
+    # Where a line only turns, between two materials or on the boundary of one, exponents are 1/2 and more.
+    turn = STRAIGHT if below > TURN else np.pi
+    nodes = candidates(shape, interfaces_of(shape.corners, materials), turn)
     nodes = nodes if among is None else nodes[among[nodes]]
     around = elements_around(shape, nodes)
     found = {node: exponents_at(shape, materials, element, k) for node, (element, k) in around.items()}
-    least = {node: each[0] for node, each in found.items() if each.size and each[0] < 1.0 - WHOLE}
+    least = {node: each[0] for node, each in found.items() if each.size and each[0] < below}
     return np.array(list(least), np.int64), np.array(list(least.values()))
 
 
