@@ -144,17 +144,19 @@ def labelled(sets: Mapping[str, Ints], count: int) -> tuple[Ints, list[str]]:
     return number, [", ".join(names[k] for k in each.tolist()) for each in members]
 
 
-def regions_of(mesh: Mesh, neighbour: Ints) -> Ints:
+def regions_of(mesh: Mesh, pairs: Ints | None = None) -> Ints:
     """Return the region index of every element, (m,).
 
-    A region is a connected set of elements with the same subdomain names.
+    A region is a connected set of elements with the same subdomain names. `pairs` (2, k) are the elements that share a
+    facet, by default those of scikit-fem, which are wrong if a mesh is tangled.
     """
-    m = len(neighbour)
+    m = mesh.nelements
+    if pairs is None:
+        number_facets(mesh)
+        pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
     codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
-    e, k = np.nonzero(neighbour > np.arange(m)[:, None])
-    other = neighbour[e, k]
-    pairs = np.stack([e, other], axis=1)[codes[e] == codes[other]]
-    return connected_components_of(m, pairs).astype(np.int32)
+    same = codes[pairs[0]] == codes[pairs[1]]
+    return connected_components_of(m, pairs[:, same].T).astype(np.int32)
 
 
 def connected_components_of(count: int, pairs: Ints) -> Ints:

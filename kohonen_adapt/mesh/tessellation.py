@@ -52,7 +52,8 @@ class Tessellation(Generic[ElementArrays, StarArrays]):
         check_mesh(mesh, inverted=True, space=cls.cell.dim == 3)
         position, node, neighbour = connected_arrays(mesh)
         mesh = corners_of(mesh)
-        region = regions_of(mesh, neighbour)
+        element, corner = np.nonzero(neighbour > np.arange(len(neighbour))[:, None])
+        region = regions_of(mesh, np.stack([element, neighbour[element, corner]]))
         return cls(position, cls._arrays(node, neighbour, region.copy()), mesh, region)
 
     @classmethod

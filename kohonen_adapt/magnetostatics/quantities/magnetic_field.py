@@ -18,8 +18,7 @@ from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Poi
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.locate import Locator, as_rows, locator_of
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.mesh.names import regions_of
 
 __all__ = ["MagneticField"]
 
@@ -312,8 +311,7 @@ class MagneticField(ABC):
 
     @cached_property
     def _regions(self) -> Ints:
-        kind = Triangulation if self.elements.dim == 2 else Tetrahedralization
-        return kind.of(self.elements.corners).region_of_input.astype(np.int64)
+        return regions_of(self.elements.corners).astype(np.int64)
 
     @cached_property
     def flux_density(self) -> Floats:
