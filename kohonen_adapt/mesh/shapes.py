@@ -18,6 +18,7 @@ __all__ = [
     "are_round",
     "checked_tensors",
     "density_and_shape",
+    "eigenvectors",
     "logarithms",
     "mean_shapes",
     "mean_tensors",
@@ -162,6 +163,21 @@ def mean_tensors(tensors: Floats) -> Floats:
     return unpacked(mapped(logs.reshape(m, k, -1).mean(axis=1), np.exp))
 
 
+def eigenvectors(tensors: Floats) -> FloatsPair:
+    """Return eigenvalues (m, d), ascending, and eigenvectors (m, d, d) in columns."""
+    if tensors.shape[-1] == 3:
+        return np.linalg.eigh(tensors)
+    # in closed form, which takes a tenth of the time
+    a, b, c = tensors[:, 0, 0], tensors[:, 0, 1], tensors[:, 1, 1]
+    half, mean = 0.5 * a - 0.5 * c, 0.5 * a + 0.5 * c
+    radius = np.hypot(half, b)
+    x, y = np.where(half >= 0.0, radius + half, b), np.where(half >= 0.0, b, radius - half)
+    length = np.hypot(x, y)
+    x, length = np.where(length > 0.0, x, 1.0), np.where(length > 0.0, length, 1.0)
+    x, y = x / length, y / length
+    return np.stack([mean - radius, mean + radius], axis=1), np.moveaxis(np.array([[-y, x], [x, y]]), -1, 0)
+
+
 def mapped(shapes: Floats, function: np.ufunc) -> Floats:
-    values, vectors = np.linalg.eigh(unpacked(shapes))
+    values, vectors = eigenvectors(unpacked(shapes))
     return packed(np.einsum("mij,mj,mkj->mik", vectors, function(values), vectors))

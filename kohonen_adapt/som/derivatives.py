@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.measures import hat_gradients
 
 __all__ = ["highest_derivatives"]
@@ -23,6 +23,7 @@ MOST_RINGS = 4  # of elements around a node
 ILL_POSED = 10.0  # norm of the inverse of the normal matrix above which a fit needs more nodes, per degree and 1
 RIDGE = 1e-14  # relative to the largest entries, so that no matrix is singular
 BATCH = 1 << 20  # numbers per array of a batch of fits
+ALIKE = 4  # members by which patches of a batch differ at most; separate sizes take four times as long on small meshes
 
 
 class Sites(NamedTuple):
@@ -72,10 +73,10 @@ def derivatives_at_sites(points: Floats, sites: Sites, values: Floats, degree: i
     neighbours = patch = neighbours_of_sites(sites)
     for _ in range(MOST_RINGS):
         missing = np.flatnonzero(~found)
-        for rows, members in batches(patch[missing], len(monomials(dim, degree))):
+        for rows, members, weights in batches(patch[missing], len(monomials(dim, degree))):
             site = missing[rows]
             offset, difference = points[members] - points[site, None], values[members] - values[site, None]
-            tensors[site], found[site] = fitted(offset, difference, degree)
+            tensors[site], found[site] = fitted(offset, difference, weights, degree)
         if found.all():
             break
         patch = patch @ neighbours
@@ -88,26 +89,30 @@ def neighbours_of_sites(sites: Sites) -> csr_array:
     return csr_array((np.ones(row.size, np.float32), (row, column)), shape=(count, count))
 
 
-def batches(patch: csr_array, unknowns: int) -> Iterator[IntsPair]:
-    # Rows with equal numbers of members, at least `unknowns`, and these members (rows, number).
+def batches(patch: csr_array, unknowns: int) -> Iterator[tuple[Ints, Ints, Floats]]:
+    # Rows with similar numbers of members, at least `unknowns`, and their members with weights (rows, number), which
+    # are zero for the repeated members of rows that have fewer.
     size = np.diff(patch.indptr)
-    for number in np.unique(size[size >= unknowns]):
-        rows = np.flatnonzero(size == number)
+    width = -(-size // ALIKE) * ALIKE
+    for number in np.unique(width[size >= unknowns]):
+        rows = np.flatnonzero((width == number) & (size >= unknowns))
         for part in np.array_split(rows, rows.size * int(number) * unknowns // BATCH + 1):
-            yield part, patch.indices[patch.indptr[part, None] + np.arange(number)]
+            count, place = size[part, None], np.arange(number)
+            members = patch.indices[patch.indptr[part, None] + np.minimum(place, count - 1)]
+            yield part, members, np.where(place < count, 1.0 / count, 0.0)
 
 
-def fitted(offset: Floats, values: Floats, degree: int) -> tuple[Floats, Mask]:
+def fitted(offset: Floats, values: Floats, weights: Floats, degree: int) -> tuple[Floats, Mask]:
     # Derivatives of order `degree - 1` at offset zero, from values at offsets (n, number, d).
-    dim, number = offset.shape[2], offset.shape[1]
-    spread = np.swapaxes(offset, 1, 2) @ offset / number
+    dim = offset.shape[2]
+    spread = np.swapaxes(offset, 1, 2) @ (weights[..., None] * offset)
     spread += RIDGE * np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(dim)
     unit = np.linalg.inv(np.linalg.cholesky(spread))
     local, powers = offset @ np.swapaxes(unit, 1, 2), monomials(dim, degree)
     # The norm of the inverse is the same in all directions, because these monomials are orthonormal as tensors.
     scale = np.sqrt([factorial(len(axes)) / repeated(axes) for axes in powers])
     basis = np.stack([np.prod(local[..., list(axes)], axis=-1) for axes in powers], axis=-1) * scale
-    transposed = np.swapaxes(basis, 1, 2) / number
+    transposed = np.swapaxes(basis, 1, 2) * weights[:, None]
     gram = transposed @ basis
     inverse = np.linalg.inv(gram + RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(len(powers)))
     coefficients = (inverse @ (transposed @ values[..., None]))[..., 0]

@@ -9,17 +9,17 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.checks import finite_reals
 from kohonen_adapt.estimators.recovery_estimator import corner_averages
-from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, centroids_of, corner_positions
+from kohonen_adapt.mesh.adjacency import connected_arrays
+from kohonen_adapt.mesh.cells import cell_of, centroids_of, corner_positions
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.shapes import packed, unpacked
-from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
-from kohonen_adapt.mesh.triangulation import Triangulation
+from kohonen_adapt.mesh.names import regions_of
+from kohonen_adapt.mesh.shapes import eigenvectors, packed, unpacked
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.density import check_order_and_norm, equidistributing, per_element
 from kohonen_adapt.som.derivatives import highest_derivatives
 
-__all__ = ["hessian_shapes", "indicators_of_shapes", "metric_from_hessian", "metric_of_shapes"]
+__all__ = ["gain_of_shapes", "hessian_shapes", "indicators_of_shapes", "metric_from_hessian", "metric_of_shapes"]
 
 # Ratio by which longer edges have the least error of the gradient on aligned elements of large ratio, by the model of
 # `error_of_shapes` at order 1 to 4. The error of values has none.
@@ -97,6 +97,7 @@ def metric_from_hessian(
     ((128, 2, 2), 1.587401)
     """
     check_mesh(mesh)
+    connected_arrays(mesh)  # raises if the mesh is tangled
     check_order_and_norm(order, norm)
     cell, straight = cell_of(mesh), corners_of(mesh)
     function = finite_reals("values", values, {"nvertices": straight.p.shape[1]}, "node")
@@ -134,6 +135,24 @@ def indicators_of_shapes(mesh: Mesh, indicators: Floats, shapes: Floats, order: 
     return indicators * np.sqrt(new / old)
 
 
+def gain_of_shapes(shapes: Floats, indicators: Floats, order: int, norm: str) -> float:
+    """Return the error with these shapes over the error with round elements.
+
+    Both are the least errors with a number of nodes. The `indicators` eta of elements with these shapes may be of any
+    sizes. Where a density makes them equal, the error is ``(sum eta^p)^(1 / p)`` up to a factor, with
+    ``p = 2 d / (2 k + d)``.
+    """
+    metric = unpacked(shapes)
+    dim = metric.shape[1]
+    curvature = unstretched(metric, STRETCH[norm][order - 1])
+    regular = np.broadcast_to(np.eye(dim), metric.shape)
+    smaller = error_of_shapes(curvature, raised(metric, -1.0), order) / error_of_shapes(curvature, regular, order)
+    power = dim / (2.0 * (order + (norm == "L2")) + dim)
+    largest = indicators.max()
+    squares = (indicators / largest) ** 2 if largest > 0.0 else np.ones(len(indicators))
+    return float((np.sum(squares**power) / np.sum((squares / smaller) ** power)) ** (0.5 / power))
+
+
 def error_of_shapes(curvature: Floats, edges: Floats, order: int) -> Floats:
     scaled = curvature @ edges
     once, twice = np.trace(scaled, axis1=1, axis2=2), np.sum(curvature * np.swapaxes(scaled, 1, 2), axis=(1, 2))
@@ -163,19 +182,20 @@ def offsets(mesh: Mesh) -> Floats:
 
 def curvatures(mesh: Mesh, functions: Sequence[Floats], order: int) -> Floats:
     """Return the tensors Q of `metric_from_hessian`, zero if not recovered."""
-    body = (Tetrahedralization if cell_of(mesh) is TETRAHEDRON else Triangulation).of(mesh)
+    straight = corners_of(mesh)
+    region = regions_of(straight).astype(np.int64)
     exponent = np.frexp(max(np.abs(values).max() for values in functions))[1]
     squares = np.zeros((mesh.nelements, mesh.dim(), mesh.dim()))
     for values in functions:
         scaled = np.ldexp(values, -exponent)
-        derivatives, found = highest_derivatives(body.mesh, body.region_of_input, scaled, order + 1)
+        derivatives, found = highest_derivatives(straight, region, scaled, order + 1)
         rows = derivatives.reshape(mesh.nelements, -1, derivatives.shape[-1])
         squares += np.swapaxes(rows, 1, 2) @ rows
     curvature = raised(squares, 1.0 / (order + 1))
-    offset = offsets(body.mesh)
+    offset = offsets(straight)
     part = np.sum((offset @ curvature) * offset, axis=(1, 2))
     curvature[part ** (0.5 * (order + 1)) < ROUNDING] = 0.0
-    return means_around(body.mesh, body.region_of_input.astype(np.int64), curvature, found)
+    return means_around(straight, region, curvature, found)
 
 
 def means_around(mesh: Mesh, region: Ints, tensors: Floats, found: Mask) -> Floats:
@@ -185,13 +205,13 @@ def means_around(mesh: Mesh, region: Ints, tensors: Floats, found: Mask) -> Floa
 
 
 def shapes_of(mesh: Mesh, curvature: Floats, stretch: float) -> Floats:
-    values, vectors = np.linalg.eigh(curvature)
+    values, vectors = eigenvectors(curvature)
     ratio = ratios_of_bounded_edges(mesh, np.maximum(values, 0.0))
     return packed(shapes_along(vectors, ratio * np.maximum(np.cbrt(ratio), stretch**-2)))
 
 
 def unstretched(shapes: Floats, stretch: float) -> Floats:
-    values, vectors = np.linalg.eigh(shapes)
+    values, vectors = eigenvectors(shapes)
     ratio = values / values[:, -1:]
     return shapes_along(vectors, np.minimum(ratio**0.75, ratio * stretch**2))
 
@@ -224,5 +244,5 @@ def extent(mesh: Mesh, sizes: Floats) -> Floats:
 
 
 def raised(tensors: Floats, exponent: float) -> Floats:
-    values, vectors = np.linalg.eigh(tensors)
+    values, vectors = eigenvectors(tensors)
     return (vectors * np.maximum(values, 0.0)[:, None] ** exponent) @ np.swapaxes(vectors, 1, 2)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from helpers.layer import Layer
+from helpers.meshes import l_shape
+from helpers.scalar_problems import Corner
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -23,6 +25,13 @@ def median_error(problem, seeds=(0,), **arguments):
 def test_elements_along_a_layer_have_a_smaller_error(kind, most):
     problem = kind(60.0)
     assert median_error(problem) < most * median_error(problem, anisotropic=False)
+
+
+def test_directions_that_promise_little_are_left_out():
+    mesh, problem = l_shape(8), Corner()  # singular, with curvatures that are equal and opposite
+    found = {choice: ka.adapt(mesh, problem, passes=2, anisotropic=choice).mesh for choice in ("auto", True, False)}
+    np.testing.assert_array_equal(found["auto"].p, found[False].p)
+    assert not np.array_equal(found[True].p, found[False].p)
 
 
 def test_a_problem_may_have_a_metric_of_its_own():
