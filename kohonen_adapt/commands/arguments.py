@@ -58,7 +58,7 @@ def _add_relocate(commands: Any) -> None:
         "ElementNodeData, a .pos of GetDP (Print[..., OnElementsOf ...]), or a .sol of Mmg. The name of the only field "
         "of a file may be left out.",
     )
-    move.add_argument("mesh", metavar="MESH", type=Path, help=MESHES)
+    _add_mesh(move, "metres per unit of MESH, if FIELD is in metres (default: both have the same unit)")
     field = move.add_mutually_exclusive_group(required=True)
     field.add_argument("--density", metavar="FIELD.vtu:name", help="desired nodes per area or volume, up to a factor")
     field.add_argument(
@@ -66,13 +66,6 @@ def _add_relocate(commands: Any) -> None:
     )
     field.add_argument("--sizes", metavar="FIELD.vtu:name", help="desired edge lengths, or a metric, up to a factor")
     _add_file(move, "MESH2", "file (.msh, .msh2, .vtu) or folder of Elmer to write, in the unit of MESH", required=True)
-    move.add_argument(
-        "--scale",
-        metavar="S",
-        type=float,
-        default=1.0,
-        help="metres per unit of MESH, if FIELD is in metres (default: both have the same unit)",
-    )
     _add_limits(move)
     move.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the random numbers (default: 0)")
     _add_quiet(move)
@@ -152,9 +145,9 @@ def _add_init(commands: Any) -> None:
     init.add_argument("--output", dest="out", type=Path, action=_OldSpelling, help=argparse.SUPPRESS)
 
 
-def _add_mesh(command: argparse.ArgumentParser) -> None:
+def _add_mesh(command: argparse.ArgumentParser, scale: str = "metres per unit of MESH: 1e-3 for mm") -> None:
     command.add_argument("mesh", metavar="MESH", type=Path, help=MESHES)
-    command.add_argument("--scale", metavar="S", type=float, default=1.0, help="metres per unit of MESH: 1e-3 for mm")
+    command.add_argument("--scale", metavar="S", type=float, default=1.0, help=scale)
 
 
 def _add_run(commands: Any) -> None:
@@ -166,12 +159,9 @@ def _add_run(commands: Any) -> None:
         "(one row per pass), pictures and report.html. Ctrl-C stops the run at once; the best finished pass is "
         "already written, and --resume continues.",
     )
-    run.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries and options")
-    _add_folder_or_resume(run, "folder of an interrupted run, to continue after its last finished pass")
-    _add_tolerances(run)
+    _add_case(run, "folder of an interrupted run, to continue after its last finished pass")
     run.add_argument("--force", action="store_true", help="overwrite the result of a run in the folder")
     run.add_argument("--dry-run", action="store_true", help="check the case and its mesh without solving or writing")
-    _add_quiet(run)
 
 
 def _add_sweep(commands: Any) -> None:
@@ -184,7 +174,7 @@ def _add_sweep(commands: Any) -> None:
         "others, with error bars). Ctrl-C stops the sweep at once; finished combinations are kept, and --resume "
         "continues. The exit status is 1 if a combination failed.",
     )
-    sweep.add_argument("case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries, outputs and options")
+    _add_case(sweep, "folder of an interrupted sweep, to compute the rest")
     sweep.add_argument(
         "--over",
         metavar="NAME=FIRST:LAST:COUNT",
@@ -192,24 +182,28 @@ def _add_sweep(commands: Any) -> None:
         required=True,
         help="key of the case, such as materials.coil.current_density, and COUNT evenly spaced values; may be repeated",
     )
-    _add_tolerances(sweep)
     who = sweep.add_mutually_exclusive_group()
     who.add_argument("--jobs", metavar="N", type=int, help="number of processes (default: one per core)")
     who.add_argument("--scheduler", metavar="ADDRESS", help="address of a Dask cluster for the computation")
-    _add_folder_or_resume(sweep, "folder of an interrupted sweep, to compute the rest")
-    _add_quiet(sweep)
 
 
 def _add_quiet(command: argparse.ArgumentParser) -> None:
     command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
 
 
-def _add_tolerances(command: argparse.ArgumentParser) -> None:
+def _add_case(command: argparse.ArgumentParser, resume: str) -> None:
+    command.add_argument(
+        "case", metavar="CASE.toml", type=Path, help="mesh, materials, boundaries, outputs and options"
+    )
     for key, limited in TOLERANCES.items():
         text = f"adapt until {limited}, is at most T; replaces {key} of the case"
         command.add_argument(_option(key), metavar="T", type=tolerance, help=text)
     text = "largest number of nodes that a tolerance leads to; replaces max_nodes of the case"
     command.add_argument("--max-nodes", metavar="N", type=int, help=text)
+    where = command.add_mutually_exclusive_group()
+    _add_folder(where)
+    where.add_argument("--resume", metavar="DIR", type=Path, help=resume)
+    _add_quiet(command)
 
 
 def _option(key: str) -> str:
@@ -247,12 +241,6 @@ def surfaces_of(text: str) -> dict[str, Surface]:
         return table_of(surface)(tomllib.loads(text), "surfaces")
     except (ValueError, RecursionError) as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _add_folder_or_resume(command: Any, resume: str) -> None:
-    where = command.add_mutually_exclusive_group()
-    _add_folder(where)
-    where.add_argument("--resume", metavar="DIR", type=Path, help=resume)
 
 
 def _add_folder(command: Any, required: bool = False) -> None:

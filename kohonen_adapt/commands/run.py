@@ -15,11 +15,11 @@ from skfem import MeshTri
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.arguments import check_resumed
 from kohonen_adapt.display import lattice_points
-from kohonen_adapt.files import remove_drafts, whole_file, whole_files, write_whole
+from kohonen_adapt.files import remove_drafts, whole_file, whole_files
 from kohonen_adapt.io import write_mesh
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.figures import pass_figures
-from kohonen_adapt.loop.passes import Passes, Status
+from kohonen_adapt.loop.passes import Passes
 from kohonen_adapt.loop.result import AdaptResult
 
 __all__ = ["CaseRun", "curve_sentence", "results_of", "write_fields"]
@@ -28,7 +28,6 @@ MESH, FIELDS, INSIDE, HISTORY = "adapted.msh", "adapted.vtu", "inside.vtu", "his
 PASSES = "passes"  # subfolder of the finished passes
 POTENTIAL = {2: "A (Wb per m)", 3: "phi (A)"}  # by dimension
 HIGHEST_AT_NODES = 2  # order of potentials in space in the file of fields
-ENDED = "ended.txt"  # file in `PASSES` with the final message of a finished run
 
 
 @dataclass
@@ -82,17 +81,15 @@ class CaseRun:
         return sorted(self.passes.glob("pass-*.npz"))
 
     def _remove_run(self, force: bool) -> None:
-        files, ended = self._files(), self.passes / ENDED
+        files = self._files()
         there = [name for name in (MESH, FIELDS, INSIDE, HISTORY) if (self.folder / name).exists()]
         if (files or there) and not force:
-            found = "the result of a run" if ended.exists() or not files else "passes of an unfinished run"
             raise FileExistsError(
-                f"'{self.folder}' has {found}: continue with --resume {self.folder}, overwrite with --force, or choose "
-                "another folder."
+                f"'{self.folder}' has the result of a run: continue with --resume {self.folder}, overwrite with "
+                "--force, or choose another folder."
             )
         for file in reversed(files):  # in reverse, so that an interruption leaves a valid run
             file.unlink()
-        ended.unlink(missing_ok=True)
 
     def result(self) -> AdaptResult:
         case = self.case
@@ -107,12 +104,9 @@ class CaseRun:
         )
         if self._written is not result.mesh or result.best.goal is not None:
             self._write(result)  # after resuming a finished run, or with the final errors beside a goal
-        if result.status is not Status.FAILED:
-            write_whole(self.passes / ENDED, f"{result.message}\n".encode())
         return result
 
     def _interim(self, result: AdaptResult) -> None:
-        (self.passes / ENDED).unlink(missing_ok=True)
         self._write(result)
         self.report(result)
 

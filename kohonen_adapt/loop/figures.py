@@ -123,8 +123,8 @@ def energy_error(step: Pass) -> float | None:
 
 
 def error_text(step: Pass) -> str:
-    error = energy_norm_error(step)
-    return f"{estimate_word([step])} {step.estimate_text}" if error is None else f"error {error:.3g} %"
+    error = energy_norm_error(step) if step.goal is None else None
+    return f"estimate {step.estimate_text}" if error is None else f"estimated error {error:.3g} %"
 
 
 def word_for_estimate(history: Sequence[Pass]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.checks import check_count, check_hook, listed
 from kohonen_adapt.display import counted
 from kohonen_adapt.loop.corners import LIMITED, corner_remark
-from kohonen_adapt.loop.figures import energy_norm_error
+from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.grading import GradingTolerance
 from kohonen_adapt.loop.growth import drift_of_nodes
 from kohonen_adapt.loop.passes import Ending, Pass, Passes, Status, StepFailed, Work, text_of
@@ -261,9 +261,7 @@ def failed_ending(failure: StepFailed, state: State) -> Ending:
 
 
 def best_pass_text(best: Pass) -> str:
-    error = energy_norm_error(best) if best.goal is None else None
-    estimate = f"estimate {best.estimate_text}" if error is None else f"estimated error {error:.3g} %"
-    return f"Best: {_named(best)}, {estimate}."
+    return f"Best: {_named(best)}, {error_text(best)}."
 
 
 def count_text(passes: Passes) -> str:
