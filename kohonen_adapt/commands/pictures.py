@@ -12,8 +12,8 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Texts
 from kohonen_adapt.cases.case import Case
-from kohonen_adapt.commands.plan import allowed_errors
-from kohonen_adapt.display import counted, lattice
+from kohonen_adapt.commands.plan import plan_sentence
+from kohonen_adapt.display import lattice
 from kohonen_adapt.files import save_figure
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.geometry.space.surfaces import Plane
@@ -147,7 +147,7 @@ def _write_report(
         after,
         before=before,
         title=f"Adaptation of {case.mesh.name}",
-        asked=_asked(case, before),
+        asked=plan_sentence(case, before.mesh),
         point_data=_potentials(case),
         cell_data={"flux density |B| (T)": _magnitude},
         indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
@@ -178,20 +178,6 @@ def _why_held(case: Case, before: AdaptResult, result: AdaptResult) -> Texts:
     why = reasons_at(result.mesh, CheckedProblem(case.problem), _rules(case, before, result), result.solution)
     why[why == f"polish: {result.best.unpolished}"] = ""  # for all nodes, and in the summary
     return why
-
-
-def _asked(case: Case, before: AdaptResult) -> str:
-    options, problem = case.adapt, case.problem
-    target = f" and grow it to {options['target_nodes']} nodes" if "target_nodes" in options else ""
-    allowed = allowed_errors(case)
-    until = f", until {allowed}" if allowed else ""
-    outputs = f" Outputs: {', '.join(case.labelled_outputs)}." if case.outputs else ""
-    by = f"by the {problem.estimator}" if case.goal is None else f"for the goal {case.goal}, by the dual-weighted"
-    return (
-        f"Task: adapt {case.mesh.name} ({before.mesh.nvertices} nodes, {before.mesh.nelements} elements)"
-        f"{target} in at most {counted(case.most_passes, 'pass')}{until}, {by} estimate of "
-        f"the magnetic field in {', '.join(problem.materials)}.{outputs}"
-    )
 
 
 def _potentials(case: Case) -> dict[str, FieldOf]:

@@ -162,11 +162,10 @@ def _write_inside(field: Any, path: Path) -> None:
 
 
 def _write_history(history: Passes, folder: Path) -> None:
-    rows = []
-    for step in history:
-        figures = pass_figures(step)
-        shape = {"pass": figures.pop("number"), "nodes": step.mesh.nvertices, "elements": step.mesh.nelements}
-        rows.append(shape | figures)
+    rows = [
+        {"pass": step.number, "nodes": step.mesh.nvertices, "elements": step.mesh.nelements, **pass_figures(step)}
+        for step in history
+    ]
     with whole_file(folder / HISTORY) as draft, draft.open("w", newline="", encoding="utf-8") as stream:
         titles = list(dict.fromkeys(title for row in rows for title in row))  # errors may be unknown in the first row
         writer = csv.DictWriter(stream, titles)

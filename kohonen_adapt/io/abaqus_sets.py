@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from kohonen_adapt.arrays import Array, Ints
+from kohonen_adapt.io.content import indices_in
 from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.names import combinations
 
@@ -65,14 +66,13 @@ def _of_surfaces(
     sections: list[tuple[str, dict[str, str], str]], corners: Ints, numbers: Ints, elements: Mapping[str, Ints]
 ) -> dict[str, Ints]:
     sides = SIDES[corners.shape[1]]
-    order = np.argsort(numbers, kind="stable")
 
     def of_line(line: str) -> Iterator[Ints]:
         which, face = (*(word.strip().upper() for word in line.split(",")), "", "")[:2]
         if face[:1] in ("S", "E") and face[1:].isdigit() and 0 < int(face[1:]) <= len(sides):
             wanted = np.array([int(which)]) if which.isdigit() else elements.get(which, np.empty(0, int))
-            place = order[np.searchsorted(numbers, wanted, sorter=order).clip(max=len(numbers) - 1)]
-            yield corners[place[numbers[place] == wanted]][:, sides[int(face[1:]) - 1]]
+            place = indices_in(numbers, wanted)
+            yield corners[place[place >= 0]][:, sides[int(face[1:]) - 1]]
 
     none = np.empty((0, len(sides[0])), int)
     return {

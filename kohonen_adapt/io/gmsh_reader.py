@@ -44,8 +44,6 @@ HEADER_BYTES = 2**16
 TRIANGLE3 = 2
 """Gmsh's number for triangles of three nodes, the only type of triangle with a direction."""
 
-NO_GROUPS = np.empty(0, int)
-
 SECTION = re.compile(rb"\n\$(NodeData|ElementData|ElementNodeData)[ \t\r]*\n")
 VIEW = re.compile(rb'\bView\s*"([^"\n]*)"\s*\{')
 LIST_ITEM = re.compile(rb"\b([SVT][A-Z]2?)\s*\(([^(){}]*)\)\s*\{([^(){}]*)\}")
@@ -155,7 +153,7 @@ def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple
         width = 1 + nodes_per_element(kind)
         table = section.ints(section.integer(SIZE) * width, SIZE).reshape(-1, width)
         meshed.add((dimension, entity))
-        tags = groups.get((dimension, entity), NO_GROUPS)
+        tags = groups.get((dimension, entity), ())
         for tag in tags if len(tags) else (0,):
             blocks.append((kind, _with_direction(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed

@@ -31,7 +31,7 @@ def is_ucd(data: bytes) -> bool:
     return UCD.match(data) is not None
 
 
-def _check_counts(data: bytes, path: Path) -> bytes:
+def _check_counts(data: bytes) -> bytes:
     # meshio reserves memory for the counts of a file.
     most = max((int(number) for pair in COUNTS.findall(data) for number in pair if number), default=0)
     if most > len(data):
@@ -42,14 +42,14 @@ def _check_counts(data: bytes, path: Path) -> bytes:
 def _vtk(data: bytes, path: Path) -> bytes:
     if not re.search(rb"(?im)^DATASET\s+UNSTRUCTURED_GRID\b", data):
         raise ValueError("it has no UNSTRUCTURED_GRID")
-    _check_counts(b"\n".join(data.split(b"\n", 3)[2:]), path)  # without the title, a free text
+    _check_counts(b"\n".join(data.split(b"\n", 3)[2:]))  # without the title, a free text
     return SCALARS.sub(rb"\1 1", data)
 
 
 def _medit(data: bytes, path: Path) -> bytes:
     found = VERSION.search(data)
     version = rb"\1 2" if found and found[2] in b"34" else rb"\1 \2"
-    return COUNT.sub(rb"\1\n", VERSION.sub(version, _check_counts(data, path)))
+    return COUNT.sub(rb"\1\n", VERSION.sub(version, _check_counts(data)))
 
 
 # Plane strain, plane stress, axial symmetry and heat in triangles, and variants of tetrahedra.
@@ -83,7 +83,7 @@ def _abaqus(data: bytes, path: Path) -> bytes:
 def _su2(data: bytes, path: Path) -> bytes:
     # meshio has numbers only for markers, and may use one number for two names.
     number = iter(range(1, 1 + len(MARKER.findall(data))))
-    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _check_counts(data, path))
+    return MARKER.sub(lambda found: found[1] + b" %d" % next(number), _check_counts(data))
 
 
 def _med(data: bytes, path: Path) -> bytes:

@@ -10,7 +10,7 @@ from kohonen_adapt.problem.uncertain import corrected
 
 ERROR_DIGITS = 2
 GOAL = "goal"
-APART = ("goal", "goal_error", "goal_unit", "output_errors", "doubts")  # fields with figures from `values_of`
+APART = ("number", "goal", "goal_error", "goal_unit", "output_errors", "doubts")  # fields with figures of other names
 
 
 @dataclass(frozen=True)

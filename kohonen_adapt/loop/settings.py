@@ -73,7 +73,7 @@ class Tolerance:
         check_fraction("goal_rtol", self.goal_rtol)
 
     def __bool__(self) -> bool:
-        return any(each is not None for each in (self.rtol, self.atol, self.output_rtol, self.goal_rtol))
+        return any(each is not None for each in vars(self).values())
 
     def of_energy(self, norm: float | None) -> float | None:
         # allowed error in the energy norm, None without a tolerance

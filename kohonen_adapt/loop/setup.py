@@ -45,7 +45,7 @@ def stop_test(
     max_nodes: int | None,
 ) -> StopTest:
     follows = bool(tolerance) and target_nodes is None
-    if follows and not any((tolerance.rtol, tolerance.atol, tolerance.output_rtol, tolerance.goal_rtol)):
+    if follows and not any(vars(tolerance).values()):
         raise ValueError("a tolerance of 0 is never met; give one above 0, for instance rtol=1e-3, or target_nodes.")
     if max_nodes is not None and not follows:
         raise ValueError("max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.")

@@ -128,21 +128,22 @@ def _held(why: Texts, index: Mapping[str, int]) -> dict[str, Any]:
 
 def _field(label: str, results: Results, function: FieldOf, at: str) -> Shown:
     # of nodes or elements, or in the plane on a lattice in each element
-    nodal = at == "node"
-    checked = [field_values(label, function(each.solution), each.mesh, nodal) for each, _ in results]
+    nodal, meshes = at == "node", [shown.mesh for _, shown in results]
+    on_shown = Flat.of_nodes if nodal else Flat.of_elements
+    values = [
+        on_shown(shown, field_values(label, function(each.solution), each.mesh, nodal)) for each, shown in results
+    ]
     if nodal:
-        values = [shown.of_nodes(each) for each, (_, shown) in zip(checked, results, strict=True)]
         finite = np.concatenate([each[np.isfinite(each)] for each in values])
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
     else:
-        values = [shown.of_elements(each) for each, (_, shown) in zip(checked, results, strict=True)]
-        ends = [_middle_ends(each, shown.mesh) for each, (_, shown) in zip(values, results, strict=True)]
-        low, high = min(0.0, *(low for low, _ in ends)), max(high for _, high in ends)
+        lows, highs = zip(*map(_middle_ends, values, meshes), strict=True)
+        low, high = min(0.0, *lows), max(highs)
     if any(each.ndim == 2 for each in values):
         at = "lattice"
         values = [
-            each if each.ndim == 2 else each[shown.mesh.t] if nodal else np.tile(each, (3, 1))
-            for each, (_, shown) in zip(values, results, strict=True)
+            each if each.ndim == 2 else each[mesh.t] if nodal else np.tile(each, (3, 1))
+            for each, mesh in zip(values, meshes, strict=True)
         ]
     about, arrays = _scaled(label, values, low, high, at=at)
     return about | ({"lines": True} if nodal else {}), arrays

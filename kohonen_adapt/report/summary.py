@@ -12,7 +12,6 @@ from kohonen_adapt.loop.figures import (
     energy_error,
     energy_norm_error,
     estimate_word,
-    goal_sentence,
     values_of,
 )
 from kohonen_adapt.loop.passes import Pass, Status
@@ -20,7 +19,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 
-__all__ = ["bracket_figures", "bracket_sentences", "key_figures", "sentences", "versions", "without_folders"]
+__all__ = ["bracket_figures", "bracket_sentences", "ending_text", "key_figures", "versions", "without_folders"]
 
 ENDINGS = {
     Status.CONVERGED: "tolerance met",
@@ -39,15 +38,18 @@ BARE = re.compile(r"""(?<![\w.:/\\)\]])(?:~|[A-Za-z]:)?(?:[\\/][^\\/\s"'<>|,;]+)
 
 
 def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
-    first, last = result.history[0], result.best
-    word = "energy-norm error" if are_in_percent((first, last)) else estimate_word(result.history)
-    energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if are_in_percent((first, last)) else []
+    last = result.best
+    ends = (result.history[0], last)
+    percent = are_in_percent(ends)
+    word = "energy-norm error" if percent else estimate_word(result.history)
+    before, after = (f"{energy_norm_error(each):.3g}\u00a0%" if percent else each.estimate_text for each in ends)
+    energy = [("energy error after", f"{energy_error(last):.2g}\u00a0%")] if percent else []
     return [
         *([] if last.goal is None else _figures_of(GOAL, last)),
-        (f"{word} before", _error(first, last)),
-        (f"{word} after", _error(last, first)),
+        (f"{word} before", before),
+        (f"{word} after", after),
         *energy,
-        ("nodes", _from_to(*(step.mesh.nvertices for step in (first, last)))),
+        ("nodes", " to ".join(dict.fromkeys(str(each.mesh.nvertices) for each in ends))),
         ("worst quality", f"{last.min_quality:.2f}"),
         *(figure for name in last.outputs for figure in _figures_of(name, last)),
         ("ending", ENDINGS[result.status]),
@@ -69,30 +71,10 @@ def _figures_of(name: str, step: Pass) -> list[tuple[str, str]]:
     return list(zip(titles, values_of(step)[name].texts(), strict=False))
 
 
-def sentences(result: AdaptResult) -> list[str]:
-    first, last = result.history[0], result.best
-    relocations = sum(step.order == first.order for step in result.history[1:])  # not for a higher order at the end
-    return [
-        f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}",
-        f"The error estimate went from {_error(first, last)} to {_error(last, first)}"
-        f"{' of the energy norm' if are_in_percent((first, last)) else ''}{_share(first, last)}, with "
-        f"{_from_to(*(step.mesh.nvertices for step in (first, last)))} nodes.",
-        *filter(None, [goal_sentence(last)]),
-    ]
-
-
-def _error(step: Pass, other: Pass) -> str:
-    return f"{energy_norm_error(step):.3g}\u00a0%" if are_in_percent((step, other)) else step.estimate_text
-
-
-def _share(first: Pass, last: Pass) -> str:
-    if last is first or not first.estimate:
-        return ""
-    return f": the estimate is {100.0 * last.shown_estimate / first.shown_estimate:.3g}\u00a0% of its initial value"
-
-
-def _from_to(first: int, last: int) -> str:
-    return str(first) if first == last else f"{first} to {last}"
+def ending_text(result: AdaptResult) -> str:
+    history = result.history
+    relocations = sum(step.order == history[0].order for step in history[1:])  # not for a higher order at the end
+    return f"{counted(relocations, 'relocation')} {'was' if relocations == 1 else 'were'} made. {result.message}"
 
 
 def versions() -> dict[str, str]:

@@ -24,8 +24,8 @@ from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
 from kohonen_adapt.report.summary import (
     bracket_figures,
     bracket_sentences,
+    ending_text,
     key_figures,
-    sentences,
     versions,
     without_folders,
 )
@@ -130,7 +130,7 @@ def write_report(
     )
     content = filled_page(
         title=title,
-        summary=[*([asked] if asked else []), *sentences(result), *bracket_sentences(bracket)],
+        summary=[*([asked] if asked else []), ending_text(result), *bracket_sentences(bracket)],
         figures=[*key_figures(result), *bracket_figures(bracket)],
         result=result,
         held=counts_by_reason(why),

@@ -116,7 +116,7 @@ def test_tolerances_of_the_command_replace_those_of_the_case(run, tmp_path):
     report = (out / "report.html").read_text(encoding="utf-8")
     assert f"kohonen-adapt run case.toml {options} --out out" in report
     assert "until the estimated error is at most 0.2 % of the energy norm and that of every output is at most" in report
-    assert "Its estimated error is " in report and "<dt>corrected stored (J/m)</dt>" in report
+    assert "<dt>error of stored (J/m)</dt>" in report and "<dt>corrected stored (J/m)</dt>" in report
     assert last["order"] != first["order"] == "2" and "<th>order</th>" in report and "  order  " in said
 
 

@@ -28,7 +28,7 @@ from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.slicing import flat
 from kohonen_adapt.report import write_report
 from kohonen_adapt.report.scene import packed
-from kohonen_adapt.report.summary import key_figures, sentences, without_folders
+from kohonen_adapt.report.summary import key_figures, without_folders
 from kohonen_adapt.report.writing import filled_page
 
 PNG = base64.b64decode(
@@ -197,14 +197,8 @@ def test_the_table_has_every_column_that_print_shows(page):
     assert [row.get("class") for row in rows] == [None, "result"]
 
 
-def test_the_summary_says_how_it_ended_and_what_it_gained(page):
-    said = page.text_of("p")
-    assert f"1 relocation was made. Done with {HOSTILE}." in said
-    said = [sentence.replace("\u00a0", " ") for sentence in said]
-    assert (
-        "The error estimate went from 50 % to 25 % of the energy norm: the estimate is 50 % of its initial value, "
-        "with 81 nodes." in said
-    )
+def test_the_summary_says_how_it_ended(page):
+    assert f"1 relocation was made. Done with {HOSTILE}." in page.text_of("p")
 
 
 def test_the_headline_is_the_goal_and_the_ending_is_in_words():
@@ -222,9 +216,6 @@ def test_the_headline_is_the_goal_and_the_ending_is_in_words():
     ]
     assert "max passes" not in dict(figures).values()
     assert dict(figures)["ending"] == "maximum number of passes"
-    assert (
-        "The goal is -133.000 N, with an estimated error of 0.013 N: the exact value is near -132.988 N."
-    ) in sentences(found)
 
 
 def test_the_headline_has_the_errors_of_norm_and_energy():
@@ -243,7 +234,7 @@ def test_a_result_without_energy_norm_pictures_names_and_fields(tmp_path):
     page = Page(tmp_path / "report.html")
     assert result.status is Status.CONVERGED
     assert "tolerance met" in page.text_of("dd")
-    assert "The error estimate went from 0 to 0, with 25 nodes." in page.text_of("p")
+    assert {"0", "25"} <= set(page.text_of("dd"))
     assert page.data["fields"][0] | {"above": False, "below": False} == {
         "label": "error indicator of an element", "kind": "values", "at": "element",
         "scale": "linear", "low": 0.0, "high": 1.0, "above": False, "below": False,
