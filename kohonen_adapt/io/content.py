@@ -30,6 +30,7 @@ __all__ = [
     "as_value_error",
     "check_finite",
     "check_flat",
+    "check_nodes",
     "content_of_sets",
     "in_space",
     "indices_in",
@@ -191,11 +192,17 @@ Named = tuple[int, str, Ints, Ints]
 """Type, name, nodes and numbers of the elements of a set."""
 
 
+def check_nodes(nodes: Ints, count: int) -> None:
+    if np.any((nodes < 0) | (nodes >= count)):
+        raise ValueError("an element has a node that does not exist")
+
+
 def content_of_sets(points: Floats, sets: Iterable[Named]) -> Content:
     # An empty name stands for elements without a group.
     tags: dict[tuple[int, str], int] = {}
     found: dict[int, list[Rows]] = {}
     for kind, name, nodes, number in sets:
+        check_nodes(nodes, len(points))
         dimension = DIMENSION[shape_of(kind)]
         tag = tags.setdefault((dimension, name), 1 + len(tags)) if name else 0
         found.setdefault(kind, []).append(Rows(nodes, np.full(len(nodes), tag), number))

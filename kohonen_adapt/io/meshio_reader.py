@@ -29,6 +29,7 @@ from kohonen_adapt.io.content import (
     Field,
     Named,
     as_value_error,
+    check_nodes,
     content_of_sets,
     in_space,
     nodes_per_element,
@@ -191,8 +192,7 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
         return np.empty((len(block.data), 0), int)
     nodes = np.asarray(block.data, int)
     nodes = nodes if block.type in LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
-    if np.any((nodes < 0) | (nodes >= count)):
-        raise ValueError("a cell has a node that does not exist")
+    check_nodes(nodes, count)
     return nodes[:, GMSH_TETRAHEDRON] if kind == TEN_NODES else nodes
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints
+from kohonen_adapt.arrays import Ints
 from kohonen_adapt.io.content import (
     DIMENSION,
     Content,
@@ -50,7 +50,7 @@ def read_freefem(path: Path) -> Content:
         tables = [values[ends[0] : ends[1]].reshape(-1, 4), values[ends[1] :].reshape(-1, 3)]
         rows = [table.astype(int) for table in tables]
         sets = [(kind, table[:, :-1] - 1, table[:, -1]) for kind, table in zip((TRIANGLE, LINE), rows, strict=True)]
-        return content_of_sets(points, _named(points, sets, 2))
+        return content_of_sets(points, _named(sets, 2))
 
 
 def read_mfem(path: Path) -> Content:
@@ -66,7 +66,7 @@ def read_mfem(path: Path) -> Content:
         sets = [
             each for name in ("elements", "boundary") for each in _rows(sections.get(name, np.zeros(1)).astype(int))
         ]
-        return content_of_sets(points, _named(points, sets, int(sections["dimension"][0])))
+        return content_of_sets(points, _named(sets, int(sections["dimension"][0])))
 
 
 def _rows(words: Ints) -> Iterator[tuple[int, Ints, Ints]]:
@@ -82,11 +82,9 @@ def _rows(words: Ints) -> Iterator[tuple[int, Ints, Ints]]:
         yield kind, table[:, 2:], table[:, 0]
 
 
-def _named(points: Floats, sets: Sequence[tuple[int, Ints, Ints]], dimension: int) -> Iterator[Named]:
+def _named(sets: Sequence[tuple[int, Ints, Ints]], dimension: int) -> Iterator[Named]:
     first = 0
     for kind, nodes, group in sets:
-        if np.any((nodes < 0) | (nodes >= len(points))):
-            raise ValueError("an element has a node that does not exist")
         number = first + np.arange(len(nodes))
         yield kind, "", nodes, number
         own = DIMENSION[shape_of(kind)]

@@ -157,7 +157,7 @@ def test_counts_beyond_the_file(name, tmp_path):
         ("m.inp", ABAQUS + "*INCLUDE, INPUT=/etc/passwd\n", "it includes another file"),
         ("m.inp", ABAQUS + "*ELSET, ELSET=both\nsome\n", "it has a set of sets: list their elements"),
         ("m.inp", ABAQUS.replace("1, 1, 2\n*", "1, 1, 9\n*"), "cannot be read: "),
-        ("m.su2", SU2.replace("5 0 2 3 1", "5 0 2 7 1"), "a cell has a node that does not exist"),
+        ("m.su2", SU2.replace("5 0 2 3 1", "5 0 2 7 1"), "an element has a node that does not exist"),
         ("m.su2", SU2.replace("NPOIN= 4", "POINTS= 4"), "cannot be read: UnboundLocalError"),
         ("m.mesh", "MeshVersionFormatted 2\nDimension 2\nVertices\n2\n0 0 0 zero one 0\n", "cannot be read"),
     ],
