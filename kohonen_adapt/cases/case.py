@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -160,7 +160,8 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh)
-        _check_turn(mesh, self.turn)
+        if self.turn and type(mesh) is TETRAHEDRON.mesh:
+            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
@@ -179,9 +180,12 @@ class Case:
 
         Totals are per metre unless the problem has a depth or an axis of symmetry.
         """
-        potential = "Wb/m" if isinstance(self.problem, Magnetostatics) else "A"
+        problem = self.problem
+        potential = "Wb/m" if isinstance(problem, Magnetostatics) else "A"
+        is_flat = isinstance(problem, Magnetostatics) and problem.depth is None and not problem.axisymmetric
+        per_metre = "/m" if is_flat else ""
         return {
-            f"{name} ({(each.unit or potential) if each.local else self._as_total(each.unit)})": each
+            f"{name} ({(each.unit or potential) if each.local else each.unit + per_metre})": each
             for name, each in self.outputs.items()
         }
 
@@ -197,10 +201,6 @@ class Case:
     @property
     def coils(self) -> Mapping[str, Coil]:
         return {} if isinstance(self.problem, Magnetostatics) else self.problem.coils or {}
-
-    def _as_total(self, unit: str) -> str:
-        flat = isinstance(self.problem, Magnetostatics) and self.problem.depth is None
-        return f"{unit}/m" if flat and not self.axisymmetric else unit
 
     @property
     def pairs(self) -> Sequence[Pair]:
@@ -264,11 +264,6 @@ class Case:
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
         return given | ({"curves": curves} if curves else {})
-
-
-def _check_turn(mesh: Mesh, turn: Turn) -> None:
-    if type(mesh) is TETRAHEDRON.mesh and turn:
-        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
 def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:

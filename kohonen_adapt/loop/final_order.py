@@ -91,16 +91,14 @@ def with_layers(adaptation: Adaptation, best: Solved, layers: int) -> tuple[Mesh
     else:
         if curved is not None:
             whole = on_whole_curves(whole, curved)
-            remark = remark_on_sides(curved.flattened(whole))
+            if distance := curved.flattened(whole):
+                remark = (
+                    f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes "
+                    "there."
+                )
         wanted = corners
         mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves)
         places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
     if none := int(wanted.size - nodes.size):
         remark += f" No layers at {counted(none, 'singular node')}, where they would invert elements or be too small."
     return mesh, places * bool(nodes.size), remark
-
-
-def remark_on_sides(distance: float) -> str:
-    if not distance:
-        return ""
-    return f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes there."

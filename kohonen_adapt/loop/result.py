@@ -41,12 +41,6 @@ def table_columns(history: Passes) -> list[Columns]:
     ]
 
 
-def table_lines(history: Passes, marks: Sequence[str]) -> list[str]:
-    marks_with_title = ["", *marks]
-    blocks = table_blocks(table_columns(history), width=WIDTH - max(map(len, marks_with_title)))
-    return [line + mark for lines_so_far in blocks for line, mark in zip(lines_so_far, marks_with_title, strict=True)]
-
-
 def html_table(history: Passes, attributes: Sequence[str]) -> str:
     columns = list(chain.from_iterable(table_columns(history)))
     titles = _html_row("", "th", [title for title, _ in columns])
@@ -236,8 +230,10 @@ class AdaptResult:
         return values_of(self.best)
 
     def __str__(self) -> str:
-        marks = ["  <- best" if step is self.best else "" for step in self.history]
-        return "\n".join([*table_lines(self.history, marks), self.message])
+        marks = ["", *("  <- best" if step is self.best else "" for step in self.history)]
+        blocks = table_blocks(table_columns(self.history), WIDTH - max(map(len, marks)))
+        lines = [line + mark for block in blocks for line, mark in zip(block, marks, strict=True)]
+        return "\n".join([*lines, self.message])
 
     def _repr_html_(self) -> str:
         bold = [' style="font-weight: bold"' * (step is self.best) for step in self.history]

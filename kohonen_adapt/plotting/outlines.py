@@ -4,7 +4,7 @@ A curve segment from corner to corner is called a chain.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 
 import numpy as np
@@ -143,7 +143,12 @@ def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, uni
             some = [lines[c] for c in np.flatnonzero(mask)]
             axes.add_collection(LineCollection(some, colors=colours[mask], linewidths=1.8, linestyles=style))
             axes.plot([], [], color="black", linestyle=style, label=f"{counted(len(some), 'chain')} {label}")
-    labels = _labels(outline, {c: radii[c] for c in np.flatnonzero(recognised).tolist()}, unit)
+    labels: dict[int, list[str]] = defaultdict(list)
+    for name, manner in outline.names.items():
+        for c in np.flatnonzero(manner).tolist():
+            labels[c].append(name)
+    for c in np.flatnonzero(recognised).tolist():
+        labels[c].append(f"r = {radii[c]:.4g} {unit}".rstrip())
     low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
     middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
     extent = np.max(high - low, axis=1)
@@ -151,7 +156,7 @@ def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, uni
     for c in sorted(labels, key=lambda c: -extent[c]):
         at, normal = _beside(lines[c], middle)
         if extent[c] >= LABELLED * size and all(np.any(np.abs(at - other) > ROOM * size) for other in taken):
-            _write(axes, at, normal, labels[c], colours[c])
+            _write(axes, at, normal, ", ".join(labels[c]), colours[c])
             taken.append(at)
 
 
@@ -164,14 +169,6 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
     fraction = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
     return np.split(outline.points_on(chain, fraction * chains.length[chain]), stop[:-1])
-
-
-def _labels(outline: Outline, radii: Mapping[int, float], unit: str) -> dict[int, str]:
-    named = [(c, name) for name, manner in outline.names.items() for c in np.flatnonzero(manner).tolist()]
-    found: dict[int, list[str]] = defaultdict(list)
-    for c, text in [*named, *((c, f"r = {radius:.4g} {unit}".rstrip()) for c, radius in radii.items())]:
-        found[c].append(text)
-    return {c: ", ".join(texts) for c, texts in found.items()}
 
 
 def _beside(line: Floats, towards: Floats) -> FloatsPair:

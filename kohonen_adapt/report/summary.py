@@ -19,7 +19,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.version import __version__
 
-__all__ = ["bracket_figures", "bracket_sentences", "ending_text", "key_figures", "versions", "without_folders"]
+__all__ = ["bracket_sentences", "ending_text", "key_figures", "versions", "without_folders"]
 
 ENDINGS = {
     Status.CONVERGED: "tolerance met",
@@ -54,10 +54,6 @@ def key_figures(result: AdaptResult) -> list[tuple[str, str]]:
         *(figure for name in last.outputs for figure in _figures_of(name, last)),
         ("ending", ENDINGS[result.status]),
     ]
-
-
-def bracket_figures(bracket: Bracket | None) -> list[tuple[str, str]]:
-    return [] if bracket is None else [("width of the bounds", f"{100.0 * bracket.width:.2g}\u00a0%")]
 
 
 def bracket_sentences(bracket: Bracket | None) -> list[str]:

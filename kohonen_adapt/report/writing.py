@@ -22,7 +22,6 @@ from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.report.scene import FieldOf, HeldBy, view_data
 from kohonen_adapt.report.summary import (
-    bracket_figures,
     bracket_sentences,
     ending_text,
     key_figures,
@@ -131,7 +130,7 @@ def write_report(
     content = filled_page(
         title=title,
         summary=[*([asked] if asked else []), ending_text(result), *bracket_sentences(bracket)],
-        figures=[*key_figures(result), *bracket_figures(bracket)],
+        figures=key_figures(result),
         result=result,
         held=counts_by_reason(why),
         pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},
