@@ -93,11 +93,12 @@ def plot_outlines(
     axes = Figure(figsize=(9.0, 6.0), layout="compressed").subplots() if ax is None else ax
     facets = constrained_facets(triangulation.mesh, triangulation.elements)
     ends, chain = facets.nodes, triangulation.elements.chain[facets.element, facets.corner]
-    axes.add_collection(LineCollection([*(in_unit(unit) * triangulation.position[ends])], colors="0.8", linewidths=0.5))
+    position = in_unit(unit) * triangulation.position
+    axes.add_collection(LineCollection([*position[ends]], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
-    _draw_constraints(axes, outline, triangulation.position, unit)
+    _draw_constraints(axes, outline, position)
     why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), np.str_))
-    _draw_reasons(axes, why, outline, triangulation.position, unit)
+    _draw_reasons(axes, why, outline, position)
     sagitta = in_unit(unit) * outline.farthest(triangulation)[0]
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
@@ -189,13 +190,13 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     )  # fmt: skip
 
 
-def _draw_reasons(axes: Axes, why: Texts, outline: Outline, position: Floats, unit: str) -> None:
+def _draw_reasons(axes: Axes, why: Texts, outline: Outline, position: Floats) -> None:
     never, size = outline.nodes_by_freedom()["fixed"], _square_size(outline)
     counts = Counter(why[why != ""].tolist()).most_common()
     for k, (reason, count) in enumerate(counts):
         colour, held = REASON_COLOURS[min(k, LISTED)], why == reason
         for mask, face in ((held & never, colour), (held & ~never, "white")):
-            x, y = in_unit(unit) * position[mask].T
+            x, y = position[mask].T
             axes.scatter(x, y, size**2, marker="s", color=face, edgecolors=colour, linewidths=1.6, zorder=4)
         if k <= LISTED:
             further = sum(number for _, number in counts[k:])
@@ -209,12 +210,12 @@ def _square_size(outline: Outline) -> float:
     return float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))
 
 
-def _draw_constraints(axes: Axes, outline: Outline, position: Floats, unit: str) -> None:
+def _draw_constraints(axes: Axes, outline: Outline, position: Floats) -> None:
     freedoms, size = outline.nodes_by_freedom(), _square_size(outline)
     looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
     for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
         if mask.any():
-            x, y = in_unit(unit) * position[mask].T
+            x, y = position[mask].T
             label = f"{counted(len(x), 'node')} {label}"
             edge = face if face != "white" else "black"
             axes.plot(
