@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.meshes import disk
+from helpers.places import EXAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
 
 from kohonen_adapt import Arc, Line, Spline, write_mesh
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 CONTRACT = """
 mesh = "c_core.msh"
@@ -188,7 +187,7 @@ def test_a_curve_that_is_not_that_of_the_mesh_is_refused_before_the_run(tmp_path
 
 def whole_disk(radius):
     mesh = disk(4, radius)
-    return mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
+    return mesh.with_subdomains({"all": np.arange(mesh.nelements)}).with_boundaries({"rim": mesh.boundary_facets()})
 
 
 @pytest.mark.parametrize(
@@ -214,24 +213,22 @@ def test_pairs_of_the_field_stay_matched_unless_the_case_says_otherwise():
     assert it.problem.pairs == (("a", "b"),) and it.adapt["periodic"] == [("c", "d")]
 
 
-def test_a_curve_from_a_file_beside_the_case(tmp_path):
-    (tmp_path / "steel.csv").write_text("B, H\n1.0, 500\n1.5, 3000\n1.9, 20000\n2.2, 200000\n")
-    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = "steel.csv"'))
-    law = read_case(tmp_path / "case.toml").problem.materials["iron"].bh
-    assert law.points[1] == (1.0, 500.0)
+def curve_in(folder, noisy, bh):
+    """The curve of a case beside a file with one, which may be noisy."""
+    rows = "1.0, 500\n0.9, 600\n" if noisy else "1.0, 500\n"
+    (folder / "steel.csv").write_text(f"B, H\n{rows}1.5, 3000\n1.9, 20000\n2.2, 200000\n")
+    (folder / "case.toml").write_text(changed("permeability = 1000.0", f"bh = {bh}"))
+    return read_case(folder / "case.toml").problem.materials["iron"].bh
 
 
-def test_a_noisy_curve_from_a_file_is_smoothed_if_the_case_asks(tmp_path):
-    (tmp_path / "steel.csv").write_text("B, H\n1.0, 500\n0.9, 600\n1.5, 3000\n1.9, 20000\n2.2, 200000\n")
-    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = "steel.csv"'))
+def test_a_curve_from_a_file_beside_the_case_is_smoothed_if_the_case_asks(tmp_path):
+    assert curve_in(tmp_path, False, '"steel.csv"').points[1] == (1.0, 500.0)
     with pytest.raises(ValueError, match=r"in a case bh = \{file = \"NAME\", smooth = true\}"):
-        read_case(tmp_path / "case.toml")
-    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", 'bh = {file = "steel.csv", smooth = true}'))
-    law = read_case(tmp_path / "case.toml").problem.materials["iron"].bh
+        curve_in(tmp_path, True, '"steel.csv"')
+    law = curve_in(tmp_path, True, '{file = "steel.csv", smooth = true}')
     assert law.points[1] == pytest.approx((0.95, 550.0))
     points = "[[1.0, 500], [0.9, 600], [1.5, 3000], [1.9, 20000], [2.2, 200000]]"
-    (tmp_path / "case.toml").write_text(changed("permeability = 1000.0", f"bh = {{points = {points}, smooth = true}}"))
-    assert read_case(tmp_path / "case.toml").problem.materials["iron"].bh == law
+    assert curve_in(tmp_path, True, f"{{points = {points}, smooth = true}}") == law
 
 
 def wrong(old, new, *said):

@@ -6,10 +6,10 @@ import sys
 
 import numpy as np
 import pytest
+from helpers.cases import run_command
 from helpers.mesh_files import needs_gmsh
 from skfem import MeshTet, MeshTri
 
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.mesh.measures import area
@@ -161,20 +161,20 @@ def test_without_gmsh_its_package_is_named(case, monkeypatch):
 def test_a_sweep_goes_over_a_parameter(case, tmp_path, capsys):
     """The energy of a uniform field, which every mesh has exactly, is proportional to the gap."""
     command = ["sweep", str(case), "--over", "mesh.gap=1:5:3", "--jobs", "1", "--quiet"]
-    assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0
+    assert run_command(*command, "--out", tmp_path / "out") == 0
     with (tmp_path / "out" / "sweep.csv").open(newline="") as stream:
         found = {float(row["mesh.gap"]): float(row["stored (J/m)"]) for row in csv.DictReader(stream)}
     assert found == pytest.approx({gap: energy(gap) for gap in (1.0, 3.0, 5.0)}, rel=1e-9)
-    assert cli.main([*command, "--resume", str(tmp_path / "out")]) == 0
+    assert run_command(*command, "--resume", tmp_path / "out") == 0
     (tmp_path / "plate.geo").write_text(DRAWING + PLANE + "// another drawing\n")
-    assert cli.main([*command, "--resume", str(tmp_path / "out")]) == 2
+    assert run_command(*command, "--resume", tmp_path / "out") == 2
     assert "is of another sweep" in capsys.readouterr().err
 
 
 @needs_gmsh
 def test_a_sweep_stops_at_once_at_a_parameter_that_the_drawing_lacks(case, tmp_path, capsys):
     over = ["--over", "mesh.gpa=1:5:3", "--jobs", "1", "--out", str(tmp_path / "out")]
-    assert cli.main(["sweep", str(case), *over]) == 2
+    assert run_command("sweep", case, *over) == 2
     assert "the drawing has no parameter 'gpa'. Did you mean 'gap'?" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
@@ -182,13 +182,13 @@ def test_a_sweep_stops_at_once_at_a_parameter_that_the_drawing_lacks(case, tmp_p
 @pytest.mark.slow
 @needs_gmsh
 def test_a_run_is_resumed_on_the_same_mesh_only(case, tmp_path, capsys):
-    assert cli.main(["run", str(case), "--dry-run"]) == 0
+    assert run_command("run", case, "--dry-run") == 0
     assert f"'{tmp_path / 'plate.geo'} (gap = 3)' has" in capsys.readouterr().out
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert run_command("run", case, "--out", tmp_path / "out", "--quiet") == 0
     passes = sorted((tmp_path / "out" / "passes").iterdir())
     before = [file.read_bytes() for file in passes]
-    assert cli.main(["run", str(case), "--resume", str(tmp_path / "out"), "--quiet"]) == 0
+    assert run_command("run", case, "--resume", tmp_path / "out", "--quiet") == 0
     assert [file.read_bytes() for file in passes] == before
     case.write_text(CASE.replace("gap = 3.0", "gap = 3.5"))
-    assert cli.main(["run", str(case), "--resume", str(tmp_path / "out"), "--quiet"]) == 2
+    assert run_command("run", case, "--resume", tmp_path / "out", "--quiet") == 2
     assert "mesh" in capsys.readouterr().err

@@ -1,20 +1,19 @@
 """Drawings as programs: what they may do without being trusted, and that nothing else happens."""
 
 import re
-from pathlib import Path
 
 import pytest
+from helpers.cases import run_command
 from helpers.examples import examples
 from helpers.hostile_files import spoilt
 from helpers.mesh_files import needs_gmsh
+from helpers.places import EXAMPLES
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh
 from kohonen_adapt.cases.drawing_script import Script
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 SQUARE = """SetFactory("OpenCASCADE");
 Rectangle(1) = {0, 0, 0, 1, 1};
 Physical Surface("air") = {1};
@@ -115,11 +114,11 @@ def test_commands_of_the_shell_run_only_in_a_trusted_drawing(tmp_path, capsys, c
     }[command]
     outputs = '[outputs.energy]\nquantity = "energy"\n[adapt]\npasses = 0\n'
     case.write_text(TEXT + outputs)
-    assert cli.main([command, str(case), *options]) != 0
+    assert run_command(command, case, *options) != 0
     said = "".join(capsys.readouterr())
     assert "'plate.geo', line 5: SystemCall is not among the words" in said and not sign.exists()
     case.write_text(f"trusted = true\n{TEXT}{outputs}")
-    cli.main([command, str(case), *options])
+    run_command(command, case, *options)
     assert sign.exists()
 
 

@@ -5,6 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from helpers.meshes import centres
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -82,16 +83,6 @@ def test_the_magnet_turns_with_its_subdomain(degrees, folder):
     assert mesh.subdomains.keys() == {"rotor", "magnet", "air", "coil"}
 
 
-def test_linkage_of_a_round_magnet_is_a_cosine_of_its_angle(folder):
-    """Exactly, for its field outside is that of a dipole, whose multiples of the mesh are small."""
-    angles = np.arange(0, 360, 30)
-    problems = [solved(case_in(folder, turn={"rotor": float(angle)}))[1] for angle in angles]
-    linkage = np.array([field.flux_linkage("coil") for field in problems])
-    wave = np.exp(1j * np.radians(angles))
-    amplitude = 2.0 * np.mean(linkage / wave)
-    np.testing.assert_allclose(linkage, (amplitude * wave).real, rtol=0, atol=5e-3 * np.abs(amplitude))
-
-
 @pytest.mark.parametrize("vector", ["remanence", "coercivity"])
 def test_vectors_of_every_kind_turn(vector, folder):
     case = case_in(folder, turn={"rotor": 90.0})
@@ -143,9 +134,9 @@ def test_a_magnet_turns_as_a_whole(folder):
 def sector():
     """A quarter of the machine, from "right" to "left", without a name for all that turns."""
     mesh = machine()
-    mesh = mesh.restrict(np.flatnonzero((mesh.p[:, mesh.t].mean(axis=1) > 0.0).all(axis=0)))
+    mesh = mesh.restrict(np.flatnonzero((centres(mesh) > 0.0).all(axis=0)))
     mesh = mesh.with_boundaries({"right": lambda x: x[1] < 1e-9, "left": lambda x: x[0] < 1e-9})
-    x = mesh.p[:, mesh.t].mean(axis=1)
+    x = centres(mesh)
     air, inner = mesh.subdomains["air"], np.flatnonzero(np.hypot(*x) < 0.5)
     names = {"outer_air": np.setdiff1d(air, inner), "inner_air": np.intersect1d(air, inner)}
     names |= {name: mesh.subdomains[name] for name in ("magnet", "coil")}

@@ -3,12 +3,12 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers.mesh_files import gmsh_session, needs_gmsh
-from helpers.meshes import square
+from helpers.meshes import centres, square
+from helpers.places import ROOT
 from helpers.worlds import without_matplotlib
 from skfem import MeshTri
 
@@ -52,7 +52,7 @@ def bar_in_air(size=0.1):
     """A bar of iron in a square of air, drawn as it should be."""
     mesh = square(10)
     mesh = MeshTri(size * mesh.p, mesh.t)
-    bar = np.abs(mesh.p[:, mesh.t].mean(axis=1) / size - 0.5).max(axis=0) < 0.2
+    bar = np.abs(centres(mesh) / size - 0.5).max(axis=0) < 0.2
     mesh = mesh.with_subdomains({"iron": np.flatnonzero(bar), "air": np.flatnonzero(~bar)})
     return mesh.with_boundaries({"outer": mesh.boundary_facets()})
 
@@ -139,10 +139,10 @@ def test_plausible_numbers_are_not_doubted(said_of_case):
         assert "no faults found" in said and "warning" not in said
 
 
-def test_a_run_repeats_its_warnings_at_the_end(said_of_case, tmp_path, monkeypatch):
+def test_a_run_repeats_its_warnings_at_the_end(said_of_case, out, monkeypatch):
     without_matplotlib(monkeypatch)  # pictures would take most of the time
     toml = "order = 1\n" + MAGNET.replace("1000.0", "1.2566e-3").replace("passes = 1", "passes = 0")
-    status, said = said_of_case(bar_in_air(), toml, "--out", tmp_path / "out")
+    status, said = said_of_case(bar_in_air(), toml, "--out", out)
     assert status == 0
     for warning in ("kohonen-adapt: warning: permeability of 'iron'", "kohonen-adapt: warning: remanence of 'air'"):
         assert said.count(warning) == 2
@@ -180,12 +180,12 @@ def test_a_case_without_current_gets_a_hint(toml, hints, said_of_case):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["--help", "check it.msh", "check it.toml", "run it.toml --out out", "run no.toml"])
-def test_a_reader_that_ends_early_breaks_no_pipe(command, tmp_path):
+def test_a_reader_that_ends_early_breaks_no_pipe(command, out, tmp_path):
     """As `head` does; the files are written all the same."""
     ka.write_mesh(tmp_path / "it.msh", bar_in_air())
     (tmp_path / "it.toml").write_text(CASE.replace("passes = 1", "passes = 0"))
     words = [sys.executable, "-m", "kohonen_adapt", *command.split()]
-    paths = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
+    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     with subprocess.Popen(
         words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths}
     ) as process:
@@ -194,7 +194,7 @@ def test_a_reader_that_ends_early_breaks_no_pipe(command, tmp_path):
         said = process.communicate()[1].decode()
     assert process.returncode == (2 if "no.toml" in command else 0)
     assert "Broken pipe" not in said and "BrokenPipe" not in said
-    assert (tmp_path / "out" / "adapted.msh").exists() == ("--out" in command)
+    assert (out / "adapted.msh").exists() == ("--out" in command)
 
 
 MAGNET_IN_SPACE = CASE.replace("1000.0", "1.05\nremanence = [0.0, 1.2, 0.0]")

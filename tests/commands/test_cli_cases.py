@@ -12,12 +12,12 @@ from typing import Any, NamedTuple, get_args, get_origin
 
 import numpy as np
 import pytest
-from helpers.cases import dry_run, table_of
-from helpers.meshes import inset, square
+from helpers.cases import dry_run, report_in, run_command, table_of
+from helpers.meshes import centres, inset, square
+from helpers.places import EXAMPLES
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt import magnetostatics
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
 from kohonen_adapt.cases.reading import ADAPT, PROBLEM
@@ -35,9 +35,6 @@ from kohonen_adapt.magnetostatics import (
     halbach,
     radial,
 )
-
-ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
 
 
 def drawn():
@@ -136,7 +133,7 @@ def run(tmp_path, monkeypatch):
 
     def rows(text):
         (tmp_path / "case.toml").write_text(text)
-        assert cli.main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out")]) == 0
+        assert run_command("run", tmp_path / "case.toml", "-o", tmp_path / "out") == 0
         return table_of(tmp_path / "out" / "history.csv")
 
     return rows
@@ -201,13 +198,13 @@ def test_the_command_gives_what_python_gives(run, tmp_path, capsys):
     assert float(best["goal + error (N/m)"]) == pytest.approx(value + error, rel=1e-9)
 
 
-def test_the_report_says_what_the_mesh_was_adapted_for(tmp_path, monkeypatch):
+def test_the_report_says_what_the_mesh_was_adapted_for(out, tmp_path, monkeypatch):
     without_matplotlib(monkeypatch)
     ka.write_mesh(tmp_path / "m.msh", drawn())
     text = f"{CASES['goal energy'].toml}\ndepth = 0.1\n{case_text('')}".replace("passes = 2", "passes = 0")
     (tmp_path / "case.toml").write_text(text)
-    assert cli.main(["run", str(tmp_path / "case.toml"), "-o", str(tmp_path / "out"), "--quiet"]) == 0
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert run_command("run", tmp_path / "case.toml", "-o", out, "--quiet") == 0
+    report = report_in(out)
     assert "<dt>goal</dt>" in report
     assert "error indicator of an element (\\u221a(J))" in report
 
@@ -221,11 +218,11 @@ def test_a_magnet_by_coercivity_has_the_same_patterns():
     np.testing.assert_array_equal(it.problem.materials["core"].coercivity(x), radial(9e5)(x))
 
 
-def test_the_whole_rim_of_a_mesh_without_named_lines(run, tmp_path):
+def test_the_whole_rim_of_a_mesh_without_named_lines(run, out, tmp_path):
     """It has a hole, whose rim is a part of the whole."""
     mesh = square(12)
-    mesh = mesh.remove_elements(np.flatnonzero(np.abs(mesh.p[:, mesh.t].mean(axis=1) - 0.125).max(axis=0) < 0.04))
-    inside = np.abs(mesh.p[:, mesh.t].mean(axis=1) - 0.5).max(axis=0) < 0.25
+    mesh = mesh.remove_elements(np.flatnonzero(np.abs(centres(mesh) - 0.125).max(axis=0) < 0.04))
+    inside = np.abs(centres(mesh) - 0.5).max(axis=0) < 0.25
     mesh = mesh.with_subdomains({"core": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
     ka.write_mesh(tmp_path / "m.msh", mesh)
     text = re.sub(r"(?m)^potential.*\n", "", case_text('rim = "edge"')) + "potential.edge = 0.0\n"
@@ -236,11 +233,11 @@ def test_the_whole_rim_of_a_mesh_without_named_lines(run, tmp_path):
     materials = {"core": Material(permeability=1.05, remanence=(0.0, 1.2)), "air": Material()}
     result = ka.adapt(named, Magnetostatics(materials, potential={"edge": 0.0}), passes=2, outputs=OUTPUTS)
     assert float(rows[-1]["output stored (J/m)"]) == result.history[-1].outputs["stored (J/m)"]
-    adapted = ka.read_mesh(tmp_path / "out" / "adapted.msh")
+    adapted = ka.read_mesh(out / "adapted.msh")
     np.testing.assert_array_equal(np.sort(adapted.boundaries["edge"]), adapted.boundary_facets())
     again = tmp_path / "again.toml"
     again.write_text(text.replace("m.msh", "out/adapted.msh"))
-    assert cli.main(["run", str(again), "--dry-run"]) == 0
+    assert run_command("run", again, "--dry-run") == 0
 
 
 @pytest.mark.parametrize("name", ["left", "core"])
@@ -320,7 +317,7 @@ def uncommented(text):
 
 @pytest.mark.parametrize("name", ["c_core", "motor", "actuator_1"])
 def test_every_example_that_init_writes_is_a_case(name, tmp_path):
-    assert cli.main(["init", str(EXAMPLES / f"{name}.msh"), "--scale", "1e-3", "-o", str(tmp_path / "m.toml")]) == 0
+    assert run_command("init", EXAMPLES / f"{name}.msh", "--scale", "1e-3", "-o", tmp_path / "m.toml") == 0
     text = (tmp_path / "m.toml").read_text().replace("# outer = 0.0", "outer = 0.0")
     found = list(uncommented(text))
     assert len(found) >= 50
@@ -339,7 +336,7 @@ ELSEWHERE = (
 
 def test_examples_are_about_the_names_and_places_of_the_mesh(tmp_path):
     ka.write_mesh(tmp_path / "m.msh", drawn())
-    assert cli.main(["init", str(tmp_path / "m.msh")]) == 0
+    assert run_command("init", tmp_path / "m.msh") == 0
     refused = []
     text = (tmp_path / "m.toml").read_text().replace("# left = 0.0", "left = 0.0")
     for example, blocks in uncommented(text.replace("\nrtol = ", "\n# rtol = ")):  # a goal has goal_rtol
@@ -352,10 +349,10 @@ def test_examples_are_about_the_names_and_places_of_the_mesh(tmp_path):
 
 def test_init_and_run_do_for_a_mesh_whose_lines_have_no_names(tmp_path):
     ka.write_mesh(tmp_path / "m.msh", inset(8))
-    assert cli.main(["init", str(tmp_path / "m.msh")]) == 0
+    assert run_command("init", tmp_path / "m.msh") == 0
     text = (tmp_path / "m.toml").read_text()
     assert tomllib.loads(text)["rim"] == "rim" and tomllib.loads(text)["potential"] == {"rim": 0.0}
-    assert cli.main(["run", str(tmp_path / "m.toml"), "--dry-run"]) == 0
+    assert run_command("run", tmp_path / "m.toml", "--dry-run") == 0
 
 
 MAKERS = (LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS)
@@ -363,7 +360,7 @@ MAKERS = (LAWS, PATTERNS, QUANTITIES, GOALS, SHAPES, MOTIONS)
 
 def test_the_template_has_every_key(tmp_path):
     shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
-    assert cli.main(["init", str(tmp_path / "c_core.msh"), "--scale", "1e-3"]) == 0
+    assert run_command("init", tmp_path / "c_core.msh", "--scale", "1e-3") == 0
     in_space = resources.files("kohonen_adapt.cases").joinpath("template_in_space.toml").read_text(encoding="utf-8")
     said = set(re.findall(r"\w+", (tmp_path / "c_core.toml").read_text() + in_space))
     named = {name for table in MAKERS for name in table}

@@ -2,13 +2,13 @@
 
 import re
 from itertools import chain, combinations
-from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.cases import said_of, whole
+from helpers.cases import run_command, said_of, whole
 from helpers.mesh_files import two_rooms
 from helpers.meshes import disk, named, slit, square
+from helpers.places import EXAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
@@ -17,11 +17,9 @@ import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.check import faults, hints_of_mesh, moving
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
 
 def test_a_good_mesh(capsys):
-    assert cli.main(["check", str(EXAMPLES / "c_core.msh"), "--scale", "1e-3"]) == 0
+    assert run_command("check", EXAMPLES / "c_core.msh", "--scale", "1e-3") == 0
     lines = capsys.readouterr().out.splitlines()
     mesh = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
     value = ka.quality(mesh)
@@ -40,7 +38,7 @@ def test_a_good_mesh(capsys):
 
 
 def test_held_nodes_are_counted_by_reason(capsys):
-    assert cli.main(["check", "--nodes", str(EXAMPLES / "c_core.msh"), "--scale", "1e-3"]) == 0
+    assert run_command("check", "--nodes", EXAMPLES / "c_core.msh", "--scale", "1e-3") == 0
     held = capsys.readouterr().out.partition("held nodes: ")[2].splitlines()
     assert held[:3] == [
         "20",
@@ -60,7 +58,7 @@ def test_the_smallest_angle(tmp_path, capsys):
 
 @pytest.mark.parametrize(("scale", "doubt"), [("1", "that looks like millimetres"), ("5", "a scale of 5 looks too")])
 def test_a_large_mesh_is_no_fault(scale, doubt, capsys):
-    assert cli.main(["check", str(EXAMPLES / "c_core.msh"), "--scale", scale]) == 0
+    assert run_command("check", EXAMPLES / "c_core.msh", "--scale", scale) == 0
     assert f"hint: the mesh is {140 * int(scale)} x {140 * int(scale)} m: {doubt}" in capsys.readouterr().out
 
 
@@ -156,7 +154,7 @@ def test_a_gap_of_one_layer_is_a_hint(layers, tmp_path, capsys):
 
 def test_a_region_of_many_elements_is_not_thin_where_its_sides_meet(capsys):
     """Near a corner one of its 1128 elements joins them."""
-    assert cli.main(["check", str(EXAMPLES / "getdp.msh")]) == 0
+    assert run_command("check", EXAMPLES / "getdp.msh") == 0
     assert "layer" not in capsys.readouterr().out
 
 
@@ -167,13 +165,13 @@ def test_no_fault_in_a_mesh_with_every_kind_of_name():
 
 def test_the_status_is_in_the_help(capsys):
     with pytest.raises(SystemExit):
-        cli.main(["check", "--help"])
+        run_command("check", "--help")
     said = " ".join(capsys.readouterr().out.split())
     assert "The exit status is 0 without faults, 1 with faults, and 2 if the file cannot be read." in said
 
 
 def test_no_mesh(tmp_path, capsys):
-    assert cli.main(["check", str(tmp_path / "none.msh")]) == 2
+    assert run_command("check", tmp_path / "none.msh") == 2
     assert "read_mesh expected a mesh file; there is none at" in capsys.readouterr().err
 
 

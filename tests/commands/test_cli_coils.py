@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers.cases import dry_run
+from helpers.cases import dry_run, run_command
 from helpers.magnet_solids import blocks
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
 
@@ -57,7 +56,7 @@ def test_coils_by_their_shapes(text, folder):
 
 def test_check_lists_coils(folder, capsys):
     (folder / "case.toml").write_text(CASE.replace("COIL", next(iter(SHAPES))))
-    assert cli.main(["check", str(folder / "case.toml")]) == 0
+    assert run_command("check", folder / "case.toml") == 0
     said = capsys.readouterr()
     assert (
         "Coil 'winding': 1000 A around (0, 0, 1), from (-0.11, -0.11, -0.04) to (0.11, 0.11, 0.04) m, section "
@@ -114,9 +113,9 @@ def test_a_reversed_current_is_another_problem(folder, capsys, monkeypatch):
     case.write_text(
         CASE.replace("COIL", next(iter(SHAPES))).replace("passes = 1", "passes = 0\npolish = false") + output
     )
-    assert cli.main(["run", str(case), "--out", out]) == 0
+    assert run_command("run", case, "--out", out) == 0
     changed = case.read_text().replace("ampere_turns = 1e3", "ampere_turns = -1e3").replace("passes = 0", "passes = 1")
     case.write_text(changed)
     capsys.readouterr()
-    assert cli.main(["run", str(case), "--resume", out]) == 2
+    assert run_command("run", case, "--resume", out) == 2
     assert "the problem differs from the problem of the checkpoint: output 'b (T)' was " in capsys.readouterr().err

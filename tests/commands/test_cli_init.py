@@ -2,13 +2,14 @@
 
 import shutil
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.cases import dry_run
+from helpers.cases import dry_run, run_command
 from helpers.examples import examples
 from helpers.mesh_files import two_rooms
+from helpers.meshes import centres
+from helpers.places import EXAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTri
@@ -17,15 +18,13 @@ import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_text
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
 
 @pytest.mark.parametrize("name", ["c_core", "actuator_1", "motor"])
 def test_the_case_runs_dry_once_the_potential_is_chosen(name, tmp_path, capsys):
     shutil.copy(EXAMPLES / f"{name}.msh", tmp_path)
     (tmp_path / "cases").mkdir()
     case = tmp_path / "cases" / "new.toml"
-    assert cli.main(["init", str(tmp_path / f"{name}.msh"), "--scale", "1e-3", "-o", str(case)]) == 0
+    assert run_command("init", tmp_path / f"{name}.msh", "--scale", "1e-3", "-o", case) == 0
     said = capsys.readouterr().out
     assert said == f"Wrote {case}. Fill in its materials and potential, then: kohonen-adapt run {case} --dry-run\n"
     written, mesh = tomllib.loads(case.read_text()), ka.read_mesh(tmp_path / f"{name}.msh")
@@ -59,7 +58,7 @@ def test_millimetres_taken_for_metres_are_doubted(tmp_path, capsys):
 def test_it_does_not_overwrite(tmp_path, capsys):
     shutil.copy(EXAMPLES / "c_core.msh", tmp_path)
     (tmp_path / "c_core.toml").write_text("mine")
-    assert cli.main(["init", str(tmp_path / "c_core.msh")]) == 2
+    assert run_command("init", tmp_path / "c_core.msh") == 2
     case = tmp_path / "c_core.toml"
     assert case.read_text() == "mine"
     assert capsys.readouterr().err == (
@@ -69,7 +68,7 @@ def test_it_does_not_overwrite(tmp_path, capsys):
 
 def test_overlapping_names_are_commented_out(tmp_path):
     ka.write_mesh(tmp_path / "rooms.msh", two_rooms())
-    assert cli.main(["init", str(tmp_path / "rooms.msh")]) == 0
+    assert run_command("init", tmp_path / "rooms.msh") == 0
     text = (tmp_path / "rooms.toml").read_text()
     assert set(tomllib.loads(text)["materials"]) == {"left", "right side"}
     assert "# [materials.low]" in text and "# interface = 0.0" in text and '# "wall and floor" = 0.0' in text
@@ -79,7 +78,7 @@ def test_overlapping_names_are_commented_out(tmp_path):
 def test_no_flux_leaves_where_most_of_the_rim_is():
     """Not on the longest boundary, which is inside, nor on the rim of a hole."""
     mesh = MeshTri.init_tensor(np.linspace(0, 9, 10), np.linspace(0, 9, 10))
-    mesh = mesh.remove_elements(np.flatnonzero((np.abs(mesh.p[:, mesh.t].mean(axis=1) - 4.5) < 0.5).all(axis=0)))
+    mesh = mesh.remove_elements(np.flatnonzero((np.abs(centres(mesh) - 4.5) < 0.5).all(axis=0)))
     rim = mesh.boundary_facets()
     far = (np.abs(mesh.p[:, mesh.facets[:, rim]].mean(axis=1) - 4.5) > 4).any(axis=0)
     inside = np.setdiff1d(np.arange(mesh.facets.shape[1]), rim)
@@ -103,7 +102,7 @@ def test_any_name_comes_back(subdomain, boundary, file):
     if subdomain.startswith("gmsh:") or boundary.startswith("gmsh:"):
         return
     mesh = MeshTri().refined(1)
-    mesh = mesh.with_subdomains({subdomain: np.arange(mesh.t.shape[1])})
+    mesh = mesh.with_subdomains({subdomain: np.arange(mesh.nelements)})
     mesh = mesh.with_boundaries({boundary: mesh.boundary_facets()})
     given = tomllib.loads(case_text(mesh, file, 1e-3))
     assert (set(given["materials"]), set(given["potential"]), given["mesh"]) == ({subdomain}, {boundary}, file)

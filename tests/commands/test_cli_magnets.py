@@ -2,18 +2,17 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import dry_run, table_of
+from helpers.cases import dry_run, report_in, run_command, table_of
 from helpers.magnet_solids import blocks
+from helpers.places import EXAMPLES
 from helpers.worlds import without_matplotlib
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import (
     FluxDensityAt,
@@ -26,7 +25,6 @@ from kohonen_adapt.magnetostatics import (
     bracket,
 )
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 PICTURES = ["adaptation.png", "cut.png", "density.png", "estimate.png", "passes.gif", "quality.png", "surface.png"]
 POTENTIAL = dict.fromkeys(["x-", "x+", "y-", "y+", "z+"], 0.0)
 CASE = """
@@ -83,7 +81,7 @@ def test_run_adapts_as_python_does(folder, capsys):
     """For a goal, of which it says what is missing."""
     goal = 'goal = {quantity = "force", body = "magnet", direction = [0.0, 0.0, 2.0]}'
     (folder / "case.toml").write_text(CASE.replace("scale", f"{goal}\nscale"))
-    assert cli.main(["run", str(folder / "case.toml"), "--out", str(folder / "out")]) == 0
+    assert run_command("run", folder / "case.toml", "--out", folder / "out") == 0
     said = capsys.readouterr().out
     names = {"adapted.msh", "adapted.vtu", "inside.vtu", "history.csv", "passes", "report.html", *PICTURES}
     assert {file.name for file in (folder / "out").iterdir()} == names
@@ -110,10 +108,10 @@ def test_run_adapts_as_python_does(folder, capsys):
 
 
 def test_init_writes_a_case_that_runs(folder, capsys):
-    assert cli.main(["init", str(folder / "half.msh"), "-o", str(folder / "new.toml"), "--scale", "1e-3"]) == 0
+    assert run_command("init", folder / "half.msh", "-o", folder / "new.toml", "--scale", "1e-3") == 0
     text = (folder / "new.toml").read_text()
     assert "% of the volume" in text and "0.12 x 0.12 x 0.06 m" in text and "phi in A" in text
-    assert cli.main(["run", str(folder / "new.toml"), "--dry-run"]) == 0
+    assert run_command("run", folder / "new.toml", "--dry-run") == 0
     assert "no faults found" in capsys.readouterr().out
     case = read_case(folder / "new.toml")
     mesh = fitting_mesh(case)
@@ -148,9 +146,13 @@ def test_wrong_cases_are_refused_before_anything_is_solved(folder, capsys, befor
     assert said in capsys.readouterr().err
 
 
+def plain_with(key):
+    """The case without what is of space alone, and with another key."""
+    return CASE.replace('symmetry = {"z-" = "normal"}', key).replace("remanence = [0.0, 0.0, 1.2]", "")
+
+
 def test_goals_by_their_keys(folder):
     """One with vectors of three components makes it a case of space; an energy is one of either."""
-    plain = CASE.replace('symmetry = {"z-" = "normal"}', "GOAL").replace("remanence = [0.0, 0.0, 1.2]", "")
     goals = {
         'quantity = "torque", body = "magnet", centre = [0, 0, 0.01], axis = [0, 3, 4]': (
             Torque("magnet", (0.0, 0.0, 0.01), (0.0, 0.6, 0.8)), MagneticScalarPotential, "N m"),
@@ -159,7 +161,7 @@ def test_goals_by_their_keys(folder):
         'quantity = "energy", part = "magnet"': (StoredEnergy("magnet"), Magnetostatics, "J"),
     }  # fmt: skip
     for keys, (goal, kind, unit) in goals.items():
-        (folder / "case.toml").write_text(plain.replace("GOAL", f"goal = {{{keys}}}"))
+        (folder / "case.toml").write_text(plain_with(f"goal = {{{keys}}}"))
         case = read_case(folder / "case.toml")
         assert case.problem.goal == goal and isinstance(case.base_problem, kind) and case.problem.goal_unit == unit
         assert isinstance(case.problem, MagneticScalarPotential)
@@ -167,10 +169,10 @@ def test_goals_by_their_keys(folder):
 
 def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
     """What could be a case of the plane is one of tetrahedra if the mesh is; what is of the plane alone is refused."""
-    plain = CASE.replace('symmetry = {"z-" = "normal"}', "depth = 2.0").replace("remanence = [0.0, 0.0, 1.2]", "")
+    plain = plain_with("depth = 2.0")
     assert dry_run(folder / "case.toml", plain) == 2
     assert "depth: for meshes of triangles only" in capsys.readouterr().err
-    (folder / "case.toml").write_text(plain.replace("depth = 2.0", ""))
+    (folder / "case.toml").write_text(plain_with(""))
     case = read_case(folder / "case.toml")
     assert isinstance(case.base_problem, Magnetostatics) and isinstance(case.problem, MagneticScalarPotential)
 
@@ -181,21 +183,21 @@ def test_keys_of_space_and_of_the_plane_are_told_apart(folder, capsys):
      ('estimator = "bracket"', 1, "bracket")],
 )  # fmt: skip
 def test_order_and_estimator_of_tetrahedra_without_other_keys_of_space(key, order, estimator, folder):
-    plain = CASE.replace('symmetry = {"z-" = "normal"}', key).replace("remanence = [0.0, 0.0, 1.2]", "")
+    plain = plain_with(key)
     (folder / "case.toml").write_text(plain)
     problem = read_case(folder / "case.toml").problem
     assert isinstance(problem, MagneticScalarPotential) and (problem.order, problem.estimator) == (order, estimator)
 
 
 def test_an_order_that_tetrahedra_do_not_have(folder, capsys):
-    plain = CASE.replace('symmetry = {"z-" = "normal"}', "order = 7").replace("remanence = [0.0, 0.0, 1.2]", "")
+    plain = plain_with("order = 7")
     assert dry_run(folder / "case.toml", plain) == 2
     assert "order of the elements must be a whole number from 1 to 6, or 'auto'; got 7." in capsys.readouterr().err
     for key in ("z", "x"):
         text = (EXAMPLES / "magnet.toml").read_text().replace('"c_core.msh"', repr(str(EXAMPLES / "c_core.msh")))
         text += f'\n[outputs.pull]\nquantity = "flux_density"\nat = [0.05, 0.04]\ncomponent = "{key}"\n'
         (folder / "plane.toml").write_text(text)
-        assert cli.main(["run", str(folder / "plane.toml"), "--dry-run"]) == (2 if key == "z" else 0)
+        assert run_command("run", folder / "plane.toml", "--dry-run") == (2 if key == "z" else 0)
     assert "component must be one that the field has" in capsys.readouterr().err
 
 
@@ -204,21 +206,21 @@ def test_a_dry_run_with_a_tolerance_of_one_output_solves_nothing(folder, caplog)
     text = CASE[: CASE.index("[outputs.through]")].replace("passes = 1", "output_rtol = 1e-3")
     (folder / "case.toml").write_text(text.replace("scale = 1e-3", "scale = 1e-3\norder = 1"))
     with caplog.at_level("INFO"):
-        assert cli.main(["run", str(folder / "case.toml"), "--dry-run"]) == 0
+        assert run_command("run", folder / "case.toml", "--dry-run") == 0
     assert "is the goal of the passes" not in caplog.text
 
 
-def test_a_case_asks_for_bounds_by_both_potentials(folder, tmp_path, capsys, monkeypatch):
+def test_a_case_asks_for_bounds_by_both_potentials(folder, out, capsys, monkeypatch):
     without_matplotlib(monkeypatch)
     text = CASE.replace("scale = 1e-3", "scale = 1e-3\nbracket = true\norder = 1").replace("passes = 1", "passes = 0")
     (folder / "case.toml").write_text(text)
-    assert cli.main(["run", str(folder / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert run_command("run", folder / "case.toml", "--out", out) == 0
     case = read_case(folder / "case.toml")
     found = bracket(fitting_mesh(case), case.problem.materials, case.problem.potential, symmetry={"z-": "normal"})
     assert found.guaranteed
     sentence = f"Bounds by both potentials on the last mesh: {found.summary}."
     assert sentence in capsys.readouterr().out
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = report_in(out)
     assert sentence in page
 
 
@@ -230,7 +232,7 @@ def test_bounds_that_a_potential_prevents_are_refused_before_the_run(tmp_path, c
     ka.write_mesh(tmp_path / "box.msh", mesh)
     text = 'mesh = "box.msh"\nbracket = true\n[materials.air]\n[potential]\nouter = 0.0\nmiddle = 1.0\n'
     (tmp_path / "case.toml").write_text(text)
-    assert cli.main(["check", str(tmp_path / "case.toml")]) == 2
+    assert run_command("check", tmp_path / "case.toml") == 2
     assert "bracket: the potential of 'middle' is inside the mesh" in capsys.readouterr().err
 
 

@@ -10,16 +10,15 @@ import termios
 import threading
 import warnings
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.cases import run_command
+from helpers.places import ROOT
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.terminal import Terminal
-
-ROOT = Path(__file__).parents[2]
 
 
 @contextmanager
@@ -135,11 +134,11 @@ def test_demo_shows_every_step(tmp_path):
 
 
 @pytest.mark.slow
-def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, tmp_path):
+def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, out, tmp_path):
     first = [f"pass 0 of 1: {step}" for step in ("solve", "estimate", "write", "checkpoint")]
     second = [f"pass 1 of 1: {step}" for step in (*STEPS, "write", "checkpoint")]
     with (tmp_path / "stdout").open("w") as stdout:
-        shown, known, written = shown_by("run", case, "--out", tmp_path / "out", stdout=stdout)
+        shown, known, written = shown_by("run", case, "--out", out, stdout=stdout)
     assert shown == ["read", *first, *second, "draw"]
     assert re.fullmatch(r"899 nodes, estimate [\d.]+ \([\d.]+ %\)", known[-4])
     # lines go to one stream, remarks to another
@@ -150,7 +149,7 @@ def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, tmp_path):
 
 def test_relocate_shows_every_step(case, tmp_path):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
-    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.nelements)})
     arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
     assert shown_by(*arguments, "--out", tmp_path / "after.msh")[0] == ["read", "relocate", "write"]
 
@@ -158,7 +157,7 @@ def test_relocate_shows_every_step(case, tmp_path):
 def test_a_command_within_a_thread(capsys):
     """Signals are the business of whoever has the main thread."""
     codes = []
-    thread = threading.Thread(target=lambda: codes.append(cli.main(["run", "none.toml", "--dry-run"])))
+    thread = threading.Thread(target=lambda: codes.append(run_command("run", "none.toml", "--dry-run")))
     thread.start()
     thread.join()
     assert codes == [2]

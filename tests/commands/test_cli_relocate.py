@@ -6,6 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import skfem
+from helpers.cases import run_command
 from helpers.mesh_files import of_meshio
 from helpers.meshes import l_shape
 from numpy.testing import assert_array_equal
@@ -42,14 +43,14 @@ def solved(file):
 @pytest.fixture
 def source(tmp_path):
     mesh = l_shape(8)
-    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])}).with_boundaries({"rim": mesh.boundary_facets()})
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.nelements)}).with_boundaries({"rim": mesh.boundary_facets()})
     ka.write_mesh(tmp_path / "before.msh", mesh)
     return tmp_path / "before.msh"
 
 
 def move(source, field, *options):
     out = source.with_name("after.msh")
-    return cli.main(["relocate", str(source), "--density", f"{field}:rho", "--out", str(out), *options]), out
+    return run_command("relocate", source, "--density", f"{field}:rho", "--out", out, *options), out
 
 
 @pytest.mark.parametrize("moved", ["some nodes", "as many elements"])
@@ -71,7 +72,7 @@ def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, ca
     first, u, error = solved(source)
     for _ in range(2):
         mesh, u, _ = solved(source)
-        rho = ka.density_from_indicators(mesh, ka.estimators.residual(mesh, u, np.ones(mesh.t.shape[1])))
+        rho = ka.density_from_indicators(mesh, ka.estimators.residual(mesh, u, np.ones(mesh.nelements)))
         nodal = np.bincount(mesh.t.ravel(), np.tile(rho, 3)) / np.bincount(mesh.t.ravel())
         of_meshio(mesh, **{kind: {"rho": [rho] if kind == "cell_data" else nodal}}).write(tmp_path / "f.vtu")
         code, out = move(source, tmp_path / "f.vtu", "--topology", "recycle")
@@ -83,7 +84,7 @@ def test_solve_relocate_and_solve_again_through_files(kind, source, tmp_path, ca
     named = ka.read_mesh(source)
     assert set(named.subdomains) == {"all"} and set(named.boundaries) == {"rim"}
     said = capsys.readouterr().out  # with blank lines of meshio's
-    wrote = rf"Wrote .*after\.msh: {first.p.shape[1]} nodes, worst quality 0\.\d\d; before \d\.\d\d\.\n"
+    wrote = rf"Wrote .*after\.msh: {first.nvertices} nodes, worst quality 0\.\d\d; before \d\.\d\d\.\n"
     assert len(re.findall(wrote, said)) == 2
 
 
@@ -105,8 +106,8 @@ def test_it_is_what_the_library_does(tmp_path, capfd):
 
 def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
     mesh = ka.read_mesh(source)
-    rho = np.arange(1.0, mesh.t.shape[1] + 1)
-    points = np.vstack([[[9.0, 9.0, 0.0]], np.column_stack([mesh.p.T, np.zeros(mesh.p.shape[1])])])
+    rho = np.arange(1.0, mesh.nelements + 1)
+    points = np.vstack([[[9.0, 9.0, 0.0]], np.column_stack([mesh.p.T, np.zeros(mesh.nvertices)])])
     cells = [("line", [[1, 2]]), ("triangle", mesh.t.T + 1)]
     meshio.Mesh(points, cells, cell_data={"rho": [[7.0], rho]}).write(tmp_path / "f.vtu")
     assert_array_equal(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), rho)
@@ -115,9 +116,9 @@ def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
 @pytest.mark.parametrize("kind", ["cell_data", "point_data"])
 def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
     mesh, rng = ka.read_mesh(source), np.random.default_rng(0)
-    nodes, triangles = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
+    nodes, triangles = rng.permutation(mesh.nvertices), rng.permutation(mesh.nelements)
     other = skfem.MeshTri(mesh.p[:, nodes], np.argsort(nodes)[mesh.t][:, triangles])
-    rho = np.arange(1.0, mesh.t.shape[1] + 1) if kind == "cell_data" else 1.0 + mesh.p[0]
+    rho = np.arange(1.0, mesh.nelements + 1) if kind == "cell_data" else 1.0 + mesh.p[0]
     of_meshio(other, **{kind: {"rho": [rho[triangles]] if kind == "cell_data" else rho[nodes]}}).write(
         tmp_path / "f.vtu"
     )
@@ -127,7 +128,7 @@ def test_the_order_of_nodes_and_triangles_has_no_say(kind, source, tmp_path):
 
 def spoilt(mesh, how):
     """A field file that does not fit, as mesh and arguments of `of_meshio`."""
-    rho = {"rho": [np.ones(mesh.t.shape[1])]}
+    rho = {"rho": [np.ones(mesh.nelements)]}
     if how == "shifted":
         return mesh.translated((0.1, 0.0)), {"cell_data": rho}
     if how == "millimetres":
@@ -139,8 +140,8 @@ def spoilt(mesh, how):
     if how == "broken":
         return skfem.MeshTri(np.where(mesh.p == 1.0, np.nan, mesh.p), mesh.t, validate=False), {"cell_data": rho}
     if how == "twice":
-        return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.p.shape[1])}}
-    return mesh, {"cell_data": {"rho": [np.full(mesh.t.shape[1], {"negative": -1.0, "nan": np.nan}[how])]}}
+        return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.nvertices)}}
+    return mesh, {"cell_data": {"rho": [np.full(mesh.nelements, {"negative": -1.0, "nan": np.nan}[how])]}}
 
 
 @pytest.mark.parametrize(

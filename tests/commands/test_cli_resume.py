@@ -12,16 +12,14 @@ import meshio
 import numpy as np
 import pytest
 from helpers.cases import INSET as CASE
-from helpers.cases import case_in, table_of
+from helpers.cases import case_in, run_command, table_of
+from helpers.places import ROOT, names_in
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.magnetostatics import Magnetostatics
-
-ROOT = Path(__file__).parents[2]
-
 
 COMMAND = "import sys; from kohonen_adapt.__main__ import main; sys.exit(main())"
 # Pictures would take most of the time.
@@ -39,7 +37,7 @@ def no_pictures(monkeypatch):
 
 
 def run(case, *arguments):
-    return cli.main(["run", str(case), *map(str, arguments), "--quiet"])
+    return run_command("run", case, *arguments, "--quiet")
 
 
 @pytest.fixture(scope="module")
@@ -134,8 +132,7 @@ Magnetostatics.solve_from = solve_from
 """
 
 
-def test_a_loop_that_hears_of_nothing_ends_at_once(case, straight, tmp_path, begin):
-    out = tmp_path / "out"
+def test_a_loop_that_hears_of_nothing_ends_at_once(case, straight, out, begin):
     process = begin("run", case, "--out", out, code=STUBBORN + PLAIN_COMMAND)
     first, *_ = interrupted(process, "stubborn")
     assert first.endswith(f"To continue after an interruption: kohonen-adapt run {case} --resume {out}\n")
@@ -146,9 +143,8 @@ def test_a_loop_that_hears_of_nothing_ends_at_once(case, straight, tmp_path, beg
 
 
 @pytest.mark.slow
-def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
+def test_drawing_that_hears_of_nothing_ends_at_once(case, out, tmp_path, begin):
     """Everything else is written by then, and it says so."""
-    out = tmp_path / "out"
     (tmp_path / "slow").mkdir()
     (tmp_path / "slow" / "matplotlib.py").write_text("sum(range(10**13))  # a loop of C that keeps Python's lock\n")
     process = begin("run", case, "--out", out, code=COMMAND, path=tmp_path / "slow")
@@ -161,11 +157,11 @@ def test_drawing_that_hears_of_nothing_ends_at_once(case, tmp_path, begin):
 
 
 @pytest.mark.slow
-def test_interrupted_before_the_first_pass(case, tmp_path, begin):
+def test_interrupted_before_the_first_pass(case, out, begin):
     code = STUBBORN.replace("solve_from", "solve") + PLAIN_COMMAND
-    process = begin("run", case, "--out", tmp_path / "out", code=code)
+    process = begin("run", case, "--out", out, code=code)
     interrupted(process, "stubborn")
-    assert run(case, "--resume", tmp_path / "out") == 0
+    assert run(case, "--resume", out) == 0
 
 
 STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
@@ -173,20 +169,20 @@ STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True
 
 @pytest.mark.slow
 @pytest.mark.parametrize("option", ["--out", "--resume"])
-def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, tmp_path, begin):
-    assert option == "--out" or run(case, "--out", tmp_path / "out") == 0
+def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, out, begin):
+    assert option == "--out" or run(case, "--out", out) == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
-    process = begin("run", case, option, tmp_path / "out", code=STUCK + PLAIN_COMMAND)
+    process = begin("run", case, option, out, code=STUCK + PLAIN_COMMAND)
     interrupted(process, "stuck")
-    assert drafts(tmp_path / "out")
-    assert run(case, "--resume", tmp_path / "out") == 0
-    assert not drafts(tmp_path / "out")
+    assert drafts(out)
+    assert run(case, "--resume", out) == 0
+    assert not drafts(out)
 
 
 @pytest.mark.slow
 def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
     mesh = ka.read_mesh(tmp_path / "mesh.msh")
-    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.t.shape[1])})
+    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.nelements)})
     (tmp_path / "after.msh").write_text("what was there")
     arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
     arguments += ["--out", tmp_path / "after.msh"]
@@ -281,15 +277,14 @@ def test_a_full_disk_leaves_old_files_as_they_were(name, case, straight, tmp_pat
 def test_resume_says_where_it_goes_on(case, tmp_path, capsys):
     assert run(case, "--out", tmp_path / "out") == 0
     case.write_text(CASE.replace("passes = 2", "passes = 3"))
-    assert cli.main(["run", str(case), "--resume", str(tmp_path / "out")]) == 0
+    assert run_command("run", case, "--resume", tmp_path / "out") == 0
     said = capsys.readouterr().out.splitlines()
     assert said[0] == f"Continuing after pass 2, the last finished pass in {tmp_path / 'out'}."
     assert said[3].startswith("pass 3: 81 nodes")
     assert [row["pass"] for row in table_of(tmp_path / "out" / "history.csv")] == ["0", "1", "2", "3"]
 
 
-def test_a_finished_run_gets_its_files_back(case, tmp_path):
-    out = tmp_path / "out"
+def test_a_finished_run_gets_its_files_back(case, out):
     assert run(case, "--out", out) == 0
     before = contents(out)
     for name in ("adapted.msh", "adapted.vtu", "history.csv"):
@@ -312,8 +307,7 @@ def without_passes(case, out):
 
 
 @pytest.mark.parametrize("make", [finished, unfinished, without_passes])
-def test_run_over_a_run_asks_for_force_and_then_nothing_of_it_stays(make, case, tmp_path, capsys):
-    out = tmp_path / "out"
+def test_run_over_a_run_asks_for_force_and_then_nothing_of_it_stays(make, case, out, capsys):
     make(case, out)
     case.write_text(CASE.replace("passes = 2", "passes = 0\nseed = 3"))
     before = contents(out)
@@ -325,7 +319,7 @@ def test_run_over_a_run_asks_for_force_and_then_nothing_of_it_stays(make, case, 
     )
     assert contents(out) == before
     assert run(case, "--out", out, "--force") == 0
-    assert sorted(file.name for file in (out / "passes").iterdir()) == ["pass-0000.npz"]
+    assert names_in(out / "passes") == ["pass-0000.npz"]
     assert len(table_of(out / "history.csv")) == 1
 
 
@@ -358,14 +352,14 @@ def test_resume_where_nothing_was_begun(case, tmp_path, capsys):
         ("scale = 1e-3", "scale = 1e-2", "mesh differs"),
     ],
 )
-def test_resume_with_another_case(old, new, said, case, tmp_path, capsys):
-    assert run(case, "--out", tmp_path / "out") == 0
-    before = contents(tmp_path / "out")
+def test_resume_with_another_case(old, new, said, case, out, capsys):
+    assert run(case, "--out", out) == 0
+    before = contents(out)
     case.write_text(CASE.replace(old, new))
-    assert run(case, "--resume", tmp_path / "out") == 2
+    assert run(case, "--resume", out) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
-    assert contents(tmp_path / "out") == before
+    assert contents(out) == before
 
 
 def test_out_or_resume(case, tmp_path, capsys):
@@ -374,7 +368,7 @@ def test_out_or_resume(case, tmp_path, capsys):
     assert "argument --resume: not allowed with argument -o/--out" in capsys.readouterr().err
 
 
-def test_pictures_of_a_run_need_no_further_solve(case, tmp_path, monkeypatch):
+def test_pictures_of_a_run_need_no_further_solve(case, out, monkeypatch):
     solve, meshes = Magnetostatics.solve, []
 
     def counted(self, mesh, *old):
@@ -383,5 +377,5 @@ def test_pictures_of_a_run_need_no_further_solve(case, tmp_path, monkeypatch):
 
     for name in ("solve", "solve_from"):
         monkeypatch.setattr(Magnetostatics, name, counted)
-    assert run(case, "--out", tmp_path / "out") == 0
+    assert run(case, "--out", out) == 0
     assert len(meshes) == 3

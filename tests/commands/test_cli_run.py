@@ -4,12 +4,12 @@ import contextlib
 import io
 import json
 import re
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import dry_run, table_of
+from helpers.cases import dry_run, report_in, run_command, table_of
+from helpers.places import EXAMPLES, names_in
 from helpers.tensor_meshes import disk
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
@@ -18,7 +18,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.magnetostatics import Magnetostatics
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 FILES = ["adapted.msh", "adapted.vtu", "history.csv", "inside.vtu", "passes", "report.html"]
 
 CASE = f"""
@@ -54,12 +53,8 @@ def finished(tmp_path_factory):
     out = folder / "new" / "out"
     with contextlib.redirect_stdout(io.StringIO()) as said, pytest.MonkeyPatch.context() as patched:
         without_matplotlib(patched)
-        assert cli.main(["run", str(folder / "case.toml"), "--out", str(out)]) == 0
+        assert run_command("run", folder / "case.toml", "--out", out) == 0
     return out, said.getvalue()
-
-
-def names_in(folder):
-    return sorted(file.name for file in folder.iterdir())
 
 
 def test_run_writes_mesh_fields_table_and_report(finished):
@@ -79,19 +74,19 @@ def test_run_writes_mesh_fields_table_and_report(finished):
     assert best == pytest.approx(np.sqrt(np.sum(fields.cell_data["indicator"][0] ** 2)), rel=1e-12)
     assert best < 0.6 * float(rows[0]["estimate"])
     assert all(float(row["output stored (J/m)"]) > 0.0 for row in rows)
-    report = (out / "report.html").read_text(encoding="utf-8")
+    report = report_in(out)
     assert "kohonen-adapt run case.toml --out out" in report and "permeability = 1000.0" in report
     assert "Plan: at most 2 passes" in report and "899 nodes" in report
     assert str(out.parents[1]) not in report and str(EXAMPLES) not in report
 
 
-def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(finished, tmp_path):
-    (tmp_path / "out").symlink_to(finished[0])
+def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(finished, out, tmp_path):
+    out.symlink_to(finished[0])
     once_more = tmp_path / "again.toml"
     once_more.write_text(re.sub("mesh = .*", 'mesh = "out/adapted.msh"', CASE))
     before = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
-    assert cli.main(["run", str(once_more), "--dry-run"]) == 0
-    after = ka.read_mesh(tmp_path / "out" / "adapted.msh", scale=1e-3)
+    assert run_command("run", once_more, "--dry-run") == 0
+    after = ka.read_mesh(out / "adapted.msh", scale=1e-3)
     assert_allclose(np.ptp(after.p, axis=1), np.ptp(before.p, axis=1), rtol=1e-12)
 
 
@@ -104,30 +99,30 @@ def test_the_fields_of_a_run_go_with_its_mesh_once_more(finished, tmp_path, caps
         f"kohonen-adapt: read_field expected the mesh in '{fields}' at a scale of 1; its scale is 0.001, so the "
         "units differ. Use --scale 0.001 (metres per unit of the mesh, for a field file in metres)."
     )
-    assert cli.main([*relocate, "--scale", "0.001"]) == 0
+    assert run_command(*relocate, "--scale", "0.001") == 0
     before, after = ka.read_mesh(adapted), ka.read_mesh(out)
     eta = meshio.read(fields).cell_data["indicator"][0]
     wanted = ka.relocate(before, ka.density_from_indicators(before, eta))
     assert_allclose(after.p, wanted.p, rtol=1e-12)
     assert set(after.subdomains) == set(before.subdomains)
-    assert cli.main([*relocate, "--scale", "0"]) == 2
+    assert run_command(*relocate, "--scale", "0") == 2
     assert capsys.readouterr().err.endswith("scale must be a finite number > 0; got 0.0.\n")
 
 
-def test_quiet_says_nothing(case, tmp_path, capfd, monkeypatch):
+def test_quiet_says_nothing(case, out, capfd, monkeypatch):
     without_matplotlib(monkeypatch)
     case.write_text(CASE.replace("passes = 2", "passes = 0"))
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert run_command("run", case, "--out", out, "--quiet") == 0
     assert capfd.readouterr().out == ""
-    assert "report.html" in names_in(tmp_path / "out")
+    assert "report.html" in names_in(out)
 
 
-def test_a_dry_run_solves_and_writes_nothing(case, tmp_path, capsys, monkeypatch):
+def test_a_dry_run_solves_and_writes_nothing(case, out, tmp_path, capsys, monkeypatch):
     def solve(*given):
         raise RuntimeError("a dry run must not solve")
 
     monkeypatch.setattr(Magnetostatics, "solve", solve)
-    assert cli.main(["run", str(case), "--dry-run", "--out", str(tmp_path / "out")]) == 0
+    assert run_command("run", case, "--dry-run", "--out", out) == 0
     assert "no faults found;" in capsys.readouterr().out
     assert names_in(tmp_path) == ["case.toml"]
 
@@ -166,7 +161,7 @@ def test_what_is_not_toml(case, capsys):
 
 def test_a_mesh_is_no_case(capsys):
     mesh = EXAMPLES / "c_core.msh"
-    assert cli.main(["run", str(mesh), "--dry-run"]) == 2
+    assert run_command("run", mesh, "--dry-run") == 2
     error = capsys.readouterr().err
     assert (
         error.endswith(f". This is a mesh; create a case for it: kohonen-adapt init {mesh}.\n")
@@ -176,18 +171,18 @@ def test_a_mesh_is_no_case(capsys):
 
 def test_a_warning_is_one_line(case, capsys):
     case.write_text(CASE.replace("permeability = 1000.0", "bh = [[1.0, 500.0], [1.2, 700.0]]"))
-    assert cli.main(["run", str(case), "--dry-run", "--quiet"]) == 0
+    assert run_command("run", case, "--dry-run", "--quiet") == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("kohonen-adapt: warning: the table ends at 1.2 T, 700 A/m far from saturation")
 
 
-def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, monkeypatch):
+def test_without_matplotlib_there_are_the_other_files(case, out, capsys, monkeypatch):
     case.write_text("order = 1\n" + CASE.replace("passes = 2", "passes = 0"))
     without_matplotlib(monkeypatch)
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 0
+    assert run_command("run", case, "--out", out) == 0
     names = ["adapted.msh", "adapted.vtu", "history.csv", "passes", "report.html"]  # nothing more inside of order 1
-    assert names_in(tmp_path / "out") == names
-    assert "<img " not in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert names_in(out) == names
+    assert "<img " not in report_in(out)
     assert (
         'Pictures need matplotlib: pip install "kohonen-adapt[plot]", then run the command again.'
         in capsys.readouterr().out
@@ -195,40 +190,40 @@ def test_without_matplotlib_there_are_the_other_files(case, tmp_path, capsys, mo
 
 
 def test_without_a_folder(case, capsys):
-    assert cli.main(["run", str(case)]) == 2
+    assert run_command("run", case) == 2
     assert capsys.readouterr().err == (
         "kohonen-adapt: run expected --out DIR (folder for the results), --resume DIR or --dry-run.\n"
     )
 
 
-def test_a_problem_without_a_solution_is_no_wrong_use(case, tmp_path, capsys, monkeypatch):
+def test_a_problem_without_a_solution_is_no_wrong_use(case, out, capsys, monkeypatch):
     def solve(self, mesh):
         raise np.linalg.LinAlgError("no finite solution")
 
     monkeypatch.setattr(Magnetostatics, "solve", solve)
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert run_command("run", case, "--out", out) == 1
     assert capsys.readouterr().err.endswith("kohonen-adapt: no finite solution\n")
-    assert [file.name for file in (tmp_path / "out").rglob("*")] == ["passes"]
+    assert [file.name for file in out.rglob("*")] == ["passes"]
 
 
-def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, tmp_path, capsys, monkeypatch):
+def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, out, capsys, monkeypatch):
     def solve_from(self, *given):
         raise RuntimeError("no second time")
 
     monkeypatch.setattr(Magnetostatics, "solve_from", solve_from)
     without_matplotlib(monkeypatch)  # pictures would take most of the time
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out")]) == 1
+    assert run_command("run", case, "--out", out) == 1
     assert "no second time" in capsys.readouterr().err
-    assert "adapted.msh" in names_in(tmp_path / "out")
+    assert "adapted.msh" in names_in(out)
 
 
-def test_the_report_says_what_was_asked_for(case, tmp_path, monkeypatch):
+def test_the_report_says_what_was_asked_for(case, out, monkeypatch):
     without_matplotlib(monkeypatch)
     case.write_text(
         CASE.replace("passes = 2", "passes = 1\nrtol = 0.5\noutput_rtol = 0.1\ntarget_nodes = 900\nseed = 7")
     )
-    assert cli.main(["run", str(case), "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert run_command("run", case, "--out", out, "--quiet") == 0
+    report = report_in(out)
     assert (
         "Plan: at most 1 pass, until the estimated error is at most 50 % of the energy norm and that of every output "
         "is at most 10 %, with 899 to 900 nodes of order 2." in report
@@ -236,7 +231,7 @@ def test_the_report_says_what_was_asked_for(case, tmp_path, monkeypatch):
     assert "<h3>Seed</h3>\n<pre>7</pre>" in report
 
 
-def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_file(tmp_path, capsys, monkeypatch):
+def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_file(out, tmp_path, capsys, monkeypatch):
     without_matplotlib(monkeypatch)
     mesh = disk([5.0, 10.0, 15.0, 20.0], {"magnet": 2, "air": 4})
     ka.write_mesh(tmp_path / "round.msh", mesh)
@@ -244,7 +239,7 @@ def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_fi
         'mesh = "round.msh"\nscale = 1e-3\norder = 1\npotential.outer = 0.0\nadapt.passes = 2\n'
         "[materials.magnet]\nremanence = [0.0, 1.0]\n[materials.air]\n"
     )
-    assert cli.main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "out")]) == 0
+    assert run_command("run", tmp_path / "case.toml", "--out", out) == 0
     heard = capsys.readouterr()
     found = re.findall(r"[Cc]urves are up to|distance of curves", heard.out + heard.err)
     sagitta = 10.0 * (1.0 - np.cos(np.pi / 12))  # of the magnet, which has 12 facets around

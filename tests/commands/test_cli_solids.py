@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-from helpers.cases import said_of, whole
+from helpers.cases import run_command, said_of, whole
 from helpers.mesh_files import in_front, two_boxes
+from helpers.meshes import centres
 from helpers.random_solids import cone
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.check import faults
 from kohonen_adapt.commands.plan import seams
 from kohonen_adapt.mesh.measures import area
@@ -22,17 +22,17 @@ def box(*cells, low=(0.0, 0.0, 0.0), high=(1.0, 1.0, 1.0)):
 
 def beside(one, other):
     """Two meshes as one, whose nodes are not joined."""
-    return MeshTet(np.hstack([one.p, other.p]), np.hstack([one.t, one.p.shape[1] + other.t]))
+    return MeshTet(np.hstack([one.p, other.p]), np.hstack([one.t, one.nvertices + other.t]))
 
 
 def test_a_good_solid(tmp_path, capsys):
     mesh = two_boxes(2)
     mesh = MeshTet(mesh.p, mesh.t, mesh.boundaries, {name: mesh.subdomains[name] for name in ("low", "upper half")})
-    value, count = ka.quality(mesh), mesh.t.shape[1]
+    value, count = ka.quality(mesh), mesh.nelements
     lines = said_of(mesh, tmp_path, capsys).splitlines()
     half = count // 2
     assert lines[:3] == [
-        f"size: 1 x 1 x 1 m, {mesh.p.shape[1]} nodes, {count} tetrahedra",
+        f"size: 1 x 1 x 1 m, {mesh.nvertices} nodes, {count} tetrahedra",
         f"subdomain 'low': {half} tetrahedra, 0.5 m^3",
         f"subdomain 'upper half': {half} tetrahedra, 0.5 m^3",
     ]
@@ -46,7 +46,7 @@ def test_a_good_solid(tmp_path, capsys):
     assert re.fullmatch(rf"quality: worst {value.min():.3g} \(tetrahedron \d+ near \(.*\) m\), mean .*", lines[8])
     assert lines[10].startswith("surfaces: 13, 13 planes; ")
     assert re.fullmatch(r"nodes: \d+ free, \d+ on surfaces, \d+ on edges, \d+ fixed", lines[11])
-    assert sum(map(int, re.findall(r"\d+", lines[11]))) == mesh.p.shape[1]
+    assert sum(map(int, re.findall(r"\d+", lines[11]))) == mesh.nvertices
     assert lines[12:] == ["No faults found."]
 
 
@@ -85,7 +85,7 @@ def test_parts_that_are_not_joined():
 
 def test_parts_that_touch():
     grid = box(2, 2, 2)
-    middle = grid.p[:, grid.t].mean(axis=1)
+    middle = centres(grid)
     octant = np.sum(middle > 0.5, axis=0)
     corner = grid.restrict(np.flatnonzero((octant == 0) | (octant == 3)))  # two cubes that have a corner in common
     assert found(corner) == {"non-manifold": [[0.5, 0.5, 0.5]]}
@@ -112,13 +112,13 @@ def test_surfaces_are_told_to_check_and_to_relocate(tmp_path, capsys):
     before, after = (str(tmp_path / name) for name in ("before.msh", "after.msh"))
     mesh = MeshTet(mesh.p, mesh.t, mesh.boundaries)
     ka.write_mesh(before, mesh)
-    cli.main(["check", before])
+    run_command("check", before)
     assert "1 cone" not in capsys.readouterr().out
-    cli.main(["check", before, "--surfaces", TOLD])
+    run_command("check", before, "--surfaces", TOLD)
     assert "surfaces: 3, 2 planes, 1 cone; 2 edges between them" in capsys.readouterr().out
     ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"want": 1.0 + mesh.p[0, mesh.t].mean(axis=0) ** 2})
     density = ["--density", str(tmp_path / "field.vtu:want")]
-    assert cli.main(["relocate", before, *density, "-o", after, "--surfaces", TOLD]) == 0
+    assert run_command("relocate", before, *density, "-o", after, "--surfaces", TOLD) == 0
     found = ka.read_mesh(after)
     x = found.p[:, np.unique(found.facets[:, found.boundaries["side"]])]
     assert np.abs(surface.project(x) - x).max() < 1e-12 and not np.array_equal(found.p, mesh.p)
@@ -135,19 +135,19 @@ def test_surfaces_are_told_to_check_and_to_relocate(tmp_path, capsys):
 )
 def test_surfaces_that_are_none_are_refused(text, message, capsys):
     with pytest.raises(SystemExit):
-        cli.main(["check", "it.msh", "--surfaces", text])
+        run_command("check", "it.msh", "--surfaces", text)
     assert message in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("topology", ["flip", "recycle"])
 def test_relocate_keeps_groups_and_goes_where_it_is_told(tmp_path, capsys, topology):
     mesh = two_boxes(2)
-    x = mesh.p[:, mesh.t].mean(axis=1)
+    x = centres(mesh)
     density = 1.0 + 20.0 * np.exp(-30.0 * np.sum((x - 0.3) ** 2, axis=0))
     before, out = (str(tmp_path / name) for name in ("before.msh2", "after.msh"))
     ka.write_mesh(before, mesh, cell_data={"want": density})
-    assert cli.main(["relocate", before, "--density", f"{before}:want", "--topology", topology, "-o", out]) == 0
-    assert re.search(rf"{mesh.p.shape[1]} nodes, worst quality 0\.\d\d; before 0\.\d\d\.", capsys.readouterr().out)
+    assert run_command("relocate", before, "--density", f"{before}:want", "--topology", topology, "-o", out) == 0
+    assert re.search(rf"{mesh.nvertices} nodes, worst quality 0\.\d\d; before 0\.\d\d\.", capsys.readouterr().out)
     after = ka.read_mesh(out)
     assert ka.read_groups(out).names == ka.read_groups(before).names
     for name, rows in mesh.subdomains.items():
@@ -159,6 +159,6 @@ def test_relocate_keeps_groups_and_goes_where_it_is_told(tmp_path, capsys, topol
 
 def test_a_case_of_tetrahedra_is_written_with_their_names(tmp_path):
     ka.write_mesh(tmp_path / "solid.msh", two_boxes(1))
-    assert cli.main(["init", str(tmp_path / "solid.msh")]) == 0
+    assert run_command("init", tmp_path / "solid.msh") == 0
     text = (tmp_path / "solid.toml").read_text()
     assert "[materials.low]" in text and "outer = 0.0" in text and "[symmetry]" in text

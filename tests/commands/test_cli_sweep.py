@@ -8,12 +8,11 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.cases import case_in, table_of, without_processes
+from helpers.cases import case_in, run_command, table_of, without_processes
 from helpers.meshes import inset
 from helpers.processes import alive, wait_until
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.commands.sweep import CaseOutputs
 
@@ -52,11 +51,11 @@ def here(monkeypatch):
 def sweep(case, *arguments):
     """The command, by one process: a second one would begin for nothing."""
     jobs = [] if "--jobs" in arguments or "--scheduler" in arguments else ["--jobs", "1"]
-    return cli.main(["sweep", str(case), *map(str, arguments), *jobs, "--quiet"])
+    return run_command("sweep", case, *arguments, *jobs, "--quiet")
 
 
 def test_every_combination_is_a_row_and_a_point(case, here, tmp_path, capsys):
-    assert cli.main(["sweep", str(case), *OVER, "--jobs", "1", "-o", str(tmp_path / "out")]) == 0
+    assert run_command("sweep", case, *OVER, "--jobs", "1", "-o", tmp_path / "out") == 0
     table = table_of(tmp_path / "out" / "sweep.csv")
     assert list(table[0]) == [
         *("materials.core.permeability", "materials.core.current_density", "stored (J/m)", "pull (N/m)"),
@@ -76,21 +75,21 @@ def test_every_combination_is_a_row_and_a_point(case, here, tmp_path, capsys):
     assert "stored (J/m)" in said and said.endswith(f"Files in {tmp_path / 'out'}: sweep.csv, sweep.json, sweep.png.\n")
 
 
-def test_a_case_with_an_error_ends_no_sweep(case, here, tmp_path, capsys):
+def test_a_case_with_an_error_ends_no_sweep(case, here, out, capsys):
     """A negative permeability is refused when it comes to it."""
-    assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", tmp_path / "out") == 1
-    errors = [row["error"] for row in table_of(tmp_path / "out" / "sweep.csv")]
+    assert sweep(case, "--over", "materials.core.permeability=1000:-1000:3", "--out", out) == 1
+    errors = [row["error"] for row in table_of(out / "sweep.csv")]
     assert errors[0] == "" and all("permeability" in error for error in errors[1:])
     assert "2 of 3 cases failed; --resume tries them again." in capsys.readouterr().err
-    assert (tmp_path / "out" / "sweep.png").exists()
+    assert (out / "sweep.png").exists()
 
 
-def test_a_missed_tolerance_is_told(case, here, tmp_path, capsys):
+def test_a_missed_tolerance_is_told(case, here, out, capsys):
     """The error of an output, what is asked of it, and how every case ended, as in a run."""
     options = "passes = 0\noutput_rtol = {stored = 0.1, pull = 1e-9}\nrtol = 1e-9"
     case.write_text(CASE.replace("passes = 1", options).replace("current_density = 0.0", "current_density = 1e6"))
-    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
-    table, records = table_of(tmp_path / "out" / "sweep.csv"), json.loads((tmp_path / "out" / "sweep.json").read_text())
+    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", out) == 0
+    table, records = table_of(out / "sweep.csv"), json.loads((out / "sweep.json").read_text())
     for row, record in zip(table, records, strict=True):
         assert row["status"] == record["status"] == "max_passes"
         assert row["missed"] == record["missed"] == "energy, pull (N/m)"
@@ -101,20 +100,20 @@ def test_a_missed_tolerance_is_told(case, here, tmp_path, capsys):
     assert "2 of 2 cases missed a tolerance: case 0 (energy, pull (N/m)); case 1 (energy, pull (N/m))." in said
 
 
-def test_a_goal_is_an_output_of_a_sweep(case, here, tmp_path):
+def test_a_goal_is_an_output_of_a_sweep(case, here, out):
     goal = 'goal = {quantity = "energy", part = "core"}\n'
     case.write_text(goal + CASE.replace("passes = 1", "goal_rtol = 0.1"))
-    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", tmp_path / "out") == 0
-    for row in table_of(tmp_path / "out" / "sweep.csv"):
+    assert sweep(case, "--over", "materials.core.permeability=10:1000:2", "--out", out) == 0
+    for row in table_of(out / "sweep.csv"):
         assert row["status"] == "converged" and row["missed"] == ""
         assert abs(float(row["error of goal (J/m)"])) <= float(row["asked error of goal (J/m)"])
         assert float(row["asked error of goal (J/m)"]) == pytest.approx(0.1 * float(row["goal (J/m)"]))
 
 
-def test_a_sweep_that_was_stopped_before_its_first_case(case, here, tmp_path):
-    (tmp_path / "out").mkdir()
+def test_a_sweep_that_was_stopped_before_its_first_case(case, here, out):
+    out.mkdir()
     over = ["--over", "materials.core.permeability=10:1000:2"]
-    assert sweep(case, *over, "--resume", tmp_path / "out") == 0 and len(table_of(tmp_path / "out" / "sweep.csv")) == 2
+    assert sweep(case, *over, "--resume", out) == 0 and len(table_of(out / "sweep.csv")) == 2
 
 
 @pytest.mark.parametrize(
@@ -150,23 +149,22 @@ def test_names_and_values(over, path, values, monkeypatch):
         (["--over", "scale=1:2:3", "--resume", "none"], "'none' has no folder 'cases'. Start with --out none."),
     ],
 )
-def test_wrong_arguments(arguments, said, case, tmp_path, monkeypatch, capsys):
+def test_wrong_arguments(arguments, said, case, out, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert sweep(case, *arguments) == 2
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and said in err
-    assert not (tmp_path / "out" / "cases").exists()
+    assert not (out / "cases").exists()
 
 
-def test_a_case_without_outputs(case, tmp_path, capsys):
+def test_a_case_without_outputs(case, out, capsys):
     case.write_text(CASE.partition("[outputs")[0])
-    assert sweep(case, "--over", "scale=1:2:3", "--out", tmp_path / "out") == 2
+    assert sweep(case, "--over", "scale=1:2:3", "--out", out) == 2
     assert "sweep expected [outputs]" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
-    out = tmp_path / "out"
+def test_what_has_not_ended_is_not_thrown_away(case, out, capsys):
     over = ["--over", "materials.core.permeability=10:1000:2"]
     assert sweep(case, *over, "--out", out) == 0
     first = table_of(out / "sweep.csv")
@@ -183,12 +181,12 @@ def test_what_has_not_ended_is_not_thrown_away(case, tmp_path, capsys):
     assert len(table_of(out / "sweep.csv")) == 2 and "scale" in table_of(out / "sweep.csv")[0]
 
 
-def test_another_mesh_is_another_sweep(case, here, tmp_path, capsys):
+def test_another_mesh_is_another_sweep(case, here, out, tmp_path, capsys):
     over = ["--over", "materials.core.permeability=10:1000:2"]
-    assert sweep(case, *over, "--out", tmp_path / "out") == 0
+    assert sweep(case, *over, "--out", out) == 0
     mesh = inset(10)
     ka.write_mesh(tmp_path / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
-    assert sweep(case, *over, "--resume", tmp_path / "out") == 2
+    assert sweep(case, *over, "--resume", out) == 2
     assert "its code or data of the function differ" in capsys.readouterr().err
 
 
@@ -250,9 +248,9 @@ def test_cut_short_and_resumed(number, case, tmp_path):
     assert numbers(out) == permeabilities(case, 7)
 
 
-def test_a_scheduler_without_dask(case, tmp_path, monkeypatch, capsys):
+def test_a_scheduler_without_dask(case, out, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert sweep(case, *OVER, "--scheduler", "tcp://127.0.0.1:1", "--out", tmp_path / "out") == 2
+    assert sweep(case, *OVER, "--scheduler", "tcp://127.0.0.1:1", "--out", out) == 2
     assert 'pip install "kohonen-adapt[sweep]"' in capsys.readouterr().err
 
 

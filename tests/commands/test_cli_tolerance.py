@@ -1,11 +1,10 @@
 """Tolerances in cases and on the command line: nodes and orders follow, errors are told, and mistakes are named."""
 
 import pytest
-from helpers.cases import case_in, table_of, without_processes
+from helpers.cases import case_in, report_in, run_command, table_of, without_processes
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import read_case
 from kohonen_adapt.display import by_error
 
@@ -37,7 +36,7 @@ def run(tmp_path, capsys, monkeypatch):
     def called(text, *arguments, command="run"):
         case_in(tmp_path, text)
         try:
-            status = cli.main([command, str(tmp_path / "case.toml"), *map(str, arguments)])
+            status = run_command(command, tmp_path / "case.toml", *arguments)
         except SystemExit as refusal:
             status = refusal.code
         said = capsys.readouterr()
@@ -113,30 +112,30 @@ def test_tolerances_of_the_command_replace_those_of_the_case(run, tmp_path):
         assert float(last[f"corrected output {name}"]) == value + error
         assert f"{name} {by_error(value, error)}, estimated error" in said and "(asked 0.01 %)" in said
     assert said.count("  error %") == said.count("  corrected") == 2 and ", error of stored (J/m) " in said
-    report = (out / "report.html").read_text(encoding="utf-8")
+    report = report_in(out)
     assert f"kohonen-adapt run case.toml {options} --out out" in report
     assert "until the estimated error is at most 0.2 % of the energy norm and that of every output is at most" in report
     assert "<dt>error of stored (J/m)</dt>" in report and "<dt>corrected stored (J/m)</dt>" in report
     assert last["order"] != first["order"] == "2" and "<th>order</th>" in report and "  order  " in said
 
 
-def test_a_goal_has_its_error_in_every_pass(run, tmp_path):
-    status, said = run(GOAL, "--goal-rtol", "1e-6", "--out", tmp_path / "out")
+def test_a_goal_has_its_error_in_every_pass(run, out):
+    status, said = run(GOAL, "--goal-rtol", "1e-6", "--out", out)
     assert status == 0 and "(asked 0.0001 %)" in said
-    rows = table_of(tmp_path / "out" / "history.csv")
+    rows = table_of(out / "history.csv")
     assert all(row["goal error (J/m)"] for row in rows)
     assert abs(float(rows[-1]["goal error (J/m)"])) <= 1e-6 * abs(float(rows[-1]["goal (J/m)"]))
-    report = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    report = report_in(out)
     assert (
         "until the estimated error of the goal is at most 0.0001 %" in report and "<dt>error of the goal</dt>" in report
     )
 
 
-def test_the_largest_number_of_nodes_ends_a_run_with_its_report(run, tmp_path):
+def test_the_largest_number_of_nodes_ends_a_run_with_its_report(run, out):
     case = "order = 1\n" + CASE
-    status, said = run(case, "--rtol", "1e-3", "--max-nodes", "200", "--out", tmp_path / "out")
+    status, said = run(case, "--rtol", "1e-3", "--max-nodes", "200", "--out", out)
     assert status == 0 and "Stopped at 200 nodes (`max_nodes` 200)" in said
-    assert "<dd>maximum number of nodes</dd>" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<dd>maximum number of nodes</dd>" in report_in(out)
 
 
 def test_a_resumed_run_goes_on_to_a_smaller_tolerance(run, tmp_path):
@@ -149,9 +148,8 @@ def test_a_resumed_run_goes_on_to_a_smaller_tolerance(run, tmp_path):
     assert len(rows) > passes
 
 
-def test_a_sweep_tabulates_errors_and_is_another_sweep_with_another_tolerance(run, tmp_path, monkeypatch):
+def test_a_sweep_tabulates_errors_and_is_another_sweep_with_another_tolerance(run, out, monkeypatch):
     without_processes(monkeypatch)
-    out = tmp_path / "out"
     over = ["--over", "materials.core.permeability=10:1000:2", "--jobs", "1"]
     status, said = run(CASE, *over, "--output-rtol", "1e-3", "--out", out, command="sweep")
     assert status == 0 and "--output-rtol=0.001 --resume" in said

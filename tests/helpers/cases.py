@@ -33,10 +33,14 @@ def case_in(folder, text=INSET):
     return folder / "case.toml"
 
 
+def report_in(folder):
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
 def dry_run(file, text):
     """Write a case, and return the exit status of a dry run of it."""
     file.write_text(text)
-    return cli.main(["run", str(file), "--dry-run"])
+    return run_command("run", file, "--dry-run")
 
 
 def table_of(file):
@@ -53,14 +57,19 @@ def without_processes(monkeypatch):
 
 def whole(mesh):
     """A mesh with one name for all elements and one for its rim."""
-    mesh = mesh.with_subdomains({"all": np.arange(mesh.t.shape[1])})
+    mesh = mesh.with_subdomains({"all": np.arange(mesh.nelements)})
     return mesh.with_boundaries({"rim": mesh.boundary_facets()})
+
+
+def run_command(*words):
+    """Call the command in this process, and return its exit status."""
+    return cli.main([str(word) for word in words])
 
 
 def said_of(mesh, tmp_path, capsys):
     """What is said of a mesh; the status is that of what is said."""
     ka.write_mesh(tmp_path / "it.msh", mesh)
-    status = cli.main(["check", str(tmp_path / "it.msh")])
+    status = run_command("check", tmp_path / "it.msh")
     said = capsys.readouterr().out
     assert status == (0 if said.endswith("\nNo faults found.\n") else 1)
     return said

@@ -24,9 +24,9 @@ def a_pass(number, mesh, estimate, outputs=()):
     return Pass(
         number=number,
         mesh=mesh,
-        indicators=np.linspace(0.1, 2.0, mesh.t.shape[1]),
-        nodes=np.arange(mesh.p.shape[1]),
-        unknowns=mesh.p.shape[1],
+        indicators=np.linspace(0.1, 2.0, mesh.nelements),
+        nodes=np.arange(mesh.nvertices),
+        unknowns=mesh.nvertices,
         estimate=estimate,
         worth=estimate,
         energy_norm=2.0,

@@ -9,7 +9,7 @@ from skfem import MeshTri
 import kohonen_adapt as ka
 
 MESH = MeshTri().refined(2)
-ELEMENTS = MESH.t.shape[1]
+ELEMENTS = MESH.nelements
 
 
 def adapt(*arguments, **options):
@@ -34,7 +34,7 @@ class Script:
         return number
 
     def indicators(self, mesh, solution):
-        return np.full(mesh.t.shape[1], self.estimates[solution] / np.sqrt(mesh.t.shape[1]))
+        return np.full(mesh.nelements, self.estimates[solution] / np.sqrt(mesh.nelements))
 
     def energy_norm(self, mesh, solution):
         return self.energy

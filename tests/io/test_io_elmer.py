@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+from helpers.cases import run_command
 from helpers.mesh_files import assert_same, in_front, two_rooms
+from helpers.places import names_in
 from helpers.small_files import GRID, written
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.io import Groups
 
@@ -34,7 +35,7 @@ def test_round_trip(tmp_path):
     back = ka.read_mesh(tmp_path / "elmer")
     assert_same(back, mesh)
     assert in_front(back, "inside") == in_front(mesh, "inside")
-    assert sorted(file.name for file in (tmp_path / "elmer").iterdir()) == sorted(FILES)
+    assert names_in(tmp_path / "elmer") == sorted(FILES)
 
 
 def test_a_folder_that_is_there_keeps_its_other_files(tmp_path):
@@ -42,7 +43,7 @@ def test_a_folder_that_is_there_keeps_its_other_files(tmp_path):
     ka.write_mesh(tmp_path, MeshTri().refined(1))
     ka.write_mesh(tmp_path, MeshTri())
     assert_same(ka.read_mesh(tmp_path), MeshTri())
-    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*FILES, "case.sif"])
+    assert names_in(tmp_path) == sorted([*FILES, "case.sif"])
 
 
 def test_what_elmergrid_writes(tmp_path):
@@ -73,7 +74,7 @@ def test_relocate_takes_and_gives_folders(tmp_path):
     ka.write_mesh(tmp_path / "one", mesh, groups=Groups({(2, 40): "left"}))
     ka.write_mesh(tmp_path / "f.vtu", mesh, cell_data={"f": 1.0 + np.arange(64.0)})
     options = ["--density", f"{tmp_path}/f.vtu:f", "--out", str(tmp_path / "two"), "--quiet"]
-    assert cli.main(["relocate", str(tmp_path / "one"), *options]) == 0
+    assert run_command("relocate", tmp_path / "one", *options) == 0
     after = ka.read_mesh(tmp_path / "two")
     assert_array_equal(after.p, ka.relocate(mesh, 1.0 + np.arange(64.0)).p)
     assert ka.read_groups(tmp_path / "two").names == ka.read_groups(tmp_path / "one").names

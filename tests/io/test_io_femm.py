@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.places import EXAMPLES
 from helpers.small_files import BLOCK, HEAD, disc
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -14,7 +15,7 @@ from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import halbach
 from kohonen_adapt.mesh.measures import area
 
-RECIPE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "femm.py"))["main"]
+RECIPE = runpy.run_path(str(EXAMPLES / "femm.py"))["main"]
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.cases import run_command
 from helpers.mesh_files import as_list, two_rooms
 from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 
 
 def ramp(mesh):
@@ -78,7 +78,7 @@ def relocated(folder, mesh, option, field, capsys):
     """What the command says."""
     ka.write_mesh(folder / "m.msh", mesh)
     arguments = ["relocate", str(folder / "m.msh"), option, f"{folder}/{field}", "--out", str(folder / "o.msh")]
-    cli.main([*arguments, "--quiet"])
+    run_command(*arguments, "--quiet")
     return capsys.readouterr().err
 
 
@@ -96,7 +96,7 @@ def test_what_a_field_may_mean(tmp_path, meaning, capsys):
 def test_one_meaning_only(tmp_path):
     for options in ([], ["--density", "a.vtu:a", "--sizes", "a.vtu:a"]):
         with pytest.raises(SystemExit):
-            cli.main(["relocate", "m.msh", "--out", "o.msh", *options])
+            run_command("relocate", "m.msh", "--out", "o.msh", *options)
 
 
 def test_fields_in_other_files(tmp_path):

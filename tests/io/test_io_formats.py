@@ -2,13 +2,13 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
 import skfem
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, in_front, needs_gmsh, two_rooms
+from helpers.places import EXAMPLES
 from helpers.small_files import ABAQUS, SU2
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -16,7 +16,7 @@ import kohonen_adapt as ka
 from kohonen_adapt.mesh.measures import area
 
 SUFFIXES = [".vtk", ".inp", ".mesh", ".su2", ".med"]
-DRAWING = Path(__file__).parents[2] / "examples" / "actuator.geo"
+DRAWING = EXAMPLES / "actuator.geo"
 
 
 def skip_without_h5py(suffix):
@@ -36,11 +36,16 @@ def by_gmsh(tmp_path_factory):
     return folder
 
 
+def both(folder, suffix):
+    """The mesh of Gmsh, and that of a file in another format."""
+    skip_without_h5py(suffix)
+    return ka.read_mesh(folder / "m.msh"), ka.read_mesh(folder / f"m{suffix}")
+
+
 @needs_gmsh
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_the_mesh_is_that_of_gmsh(by_gmsh, suffix):
-    skip_without_h5py(suffix)
-    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
+    wanted, mesh = both(by_gmsh, suffix)
     assert_allclose(mesh.p, wanted.p, rtol=1e-12, atol=1e-12)
     assert_array_equal(mesh.t, wanted.t)
 
@@ -48,8 +53,7 @@ def test_the_mesh_is_that_of_gmsh(by_gmsh, suffix):
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".inp", ".su2", ".med"])
 def test_names_that_the_format_has(by_gmsh, suffix):
-    skip_without_h5py(suffix)
-    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
+    wanted, mesh = both(by_gmsh, suffix)
     for name, rows in wanted.boundaries.items():
         assert_array_equal(np.sort(mesh.boundaries[name]), np.sort(rows))
     if suffix == ".su2":  # it names boundaries only
@@ -76,7 +80,7 @@ def test_what_a_refusal_names_converts_with_all_names(by_gmsh, suffix):
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".vtk", ".mesh"])
 def test_numbers_stand_for_names_that_the_format_has_not(by_gmsh, suffix):
-    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / f"m{suffix}")
+    wanted, mesh = both(by_gmsh, suffix)
     assert all(name.startswith("region_") for name in mesh.subdomains)
     areas = [sorted(area(each)[rows].sum() for rows in each.subdomains.values()) for each in (mesh, wanted)]
     assert_allclose(*areas, rtol=1e-12)

@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.curved import corners_of
 
 KINDS = {3: 21, 4: 23, 5: 25}
@@ -154,16 +153,3 @@ def test_a_quarter_of_a_machine_by_gmsh(order, version, binary, tmp_path):
     angle = np.linspace(0.0, np.pi / 2, 200)
     x = np.stack([np.cos(angle), np.sin(angle)])
     assert np.abs(curves["interface"].project(x) - x).max() < 3e-2 * 0.2**4
-
-
-@needs_gmsh
-def test_a_file_of_order_4_is_solved_on_its_curves(tmp_path):
-    mesh = ka.read_mesh(by_gmsh(tmp_path, 4))
-    materials = {"shaft": Material(), "gap": Material(current_density=1e6)}
-    energies = [
-        Magnetostatics(materials, potential={"outer": 0.0}, order=6).solve(each).energy
-        for each in (mesh, ka.read_mesh(by_gmsh(tmp_path, 2)))
-    ]
-    assert energies[0] == pytest.approx(energies[1], rel=1e-5)
-    result = ka.adapt(mesh, Magnetostatics(materials, potential={"outer": 0.0}, order=4), passes=1)
-    assert result.best.order == 4 and type(result.mesh) is MeshTri2

@@ -1,20 +1,18 @@
 """Physical groups keep number, dimension and name from file to file: by Gmsh's own account, in MSH 2.2 and 4.1."""
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.cases import run_command
 from helpers.mesh_files import WHY_NOT, assert_same, drawn_by_gmsh, gmsh, groups_in_gmsh, needs_gmsh, two_rooms
+from helpers.places import EXAMPLES
 from helpers.worlds import without_matplotlib
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.io import Groups
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 # As a user of GetDP draws: numbers without names, the same number for a line and a surface, a point, an overlap.
 DRAWING = """
@@ -86,7 +84,7 @@ def test_relocate_keeps_the_groups(drawing, suffix, topology):
     ka.write_mesh(drawing.with_name("f.vtu"), mesh, cell_data={"rho": np.exp(3 * mesh.p[0, mesh.t].mean(axis=0))})
     out = drawing.with_name(f"out{suffix}")
     field = ["--density", f"{drawing.with_name('f.vtu')}:rho", "--topology", topology]
-    assert cli.main(["relocate", str(drawing), *field, "--out", str(out), "--quiet"]) == 0
+    assert run_command("relocate", drawing, *field, "--out", out, "--quiet") == 0
     assert_same_groups(out, drawing)
     assert not np.array_equal(ka.read_mesh(out).p, mesh.p)
 
@@ -99,7 +97,7 @@ def test_run_leaves_points_where_they_are(tmp_path, monkeypatch):
     probes = mesh.p[:, inside[np.argsort(np.hypot(*mesh.p[:, inside]))[-40:]]]
     ka.write_mesh(tmp_path / "c_core.msh", mesh, groups=Groups({(0, 9): "probes"}, {9: probes}))
     shutil.copy(EXAMPLES / "magnet.toml", tmp_path)
-    assert cli.main(["run", str(tmp_path / "magnet.toml"), "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert run_command("run", tmp_path / "magnet.toml", "--out", tmp_path / "out", "--quiet") == 0
     points = ka.read_groups(tmp_path / "out" / "adapted.msh").points[9]
     assert points.shape == probes.shape
     assert max(np.abs(points - probe[:, None]).max(axis=0).min() for probe in probes.T) < 1e-9
@@ -185,5 +183,5 @@ def test_the_version_of_msh_is_kept(version, suffix, tmp_path):
     ka.write_mesh(tmp_path / "f.vtu", mesh, cell_data={"f": np.ones(64)})
     for name, wanted in (("two.msh", version), ("two.msh2", "2.2")):
         options = ["--density", f"{tmp_path}/f.vtu:f", "--out", str(tmp_path / name), "--quiet"]
-        assert cli.main(["relocate", str(tmp_path / "one.msh"), *options]) == 0
+        assert run_command("relocate", tmp_path / "one.msh", *options) == 0
         assert (tmp_path / name).read_text().startswith(f"$MeshFormat\n{wanted} 0 8\n")

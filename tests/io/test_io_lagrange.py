@@ -103,7 +103,7 @@ def test_nodes_are_in_the_order_of_vtk_and_read_back_as_means(make, order, tmp_p
 def test_sides_are_on_the_arcs_above_order_3(order, tmp_path):
     mesh = curved_annulus(12)
     assert type(mesh) is MeshTri2
-    zeros = np.zeros((lattice_points(order, 2).shape[1], mesh.t.shape[1]))
+    zeros = np.zeros((lattice_points(order, 2).shape[1], mesh.nelements))
     ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": zeros, "r": np.hypot(*mesh.p)})
     read = meshio.read(tmp_path / "f.vtu")
     nodes = read.cells[0].data
@@ -133,7 +133,7 @@ def test_positions_of_a_field_are_written_as_given(tmp_path):
 
 def test_values_for_linear_elements_jump_between_them(tmp_path):
     mesh = crooked()
-    values = np.arange(3.0 * mesh.t.shape[1]).reshape(3, -1)
+    values = np.arange(3.0 * mesh.nelements).reshape(3, -1)
     ka.write_mesh(tmp_path / "f.vtu", mesh, point_data={"u": values})
     read = meshio.read(tmp_path / "f.vtu")
     assert_allclose(read.point_data["u"][read.cells_dict["triangle"]], values.T)

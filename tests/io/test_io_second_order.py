@@ -41,7 +41,7 @@ def test_a_second_order_file_is_read_with_its_bent_sides(hand_made):
     assert len(np.unique(read.t)) == read.p.shape[1]
     triangle = {tuple(nodes): k for k, nodes in enumerate(mesh.t.T.tolist())}
     number = np.array([triangle[tuple(sorted(nodes))] for nodes in read.t.T.tolist()])
-    assert_array_equal(np.sort(number), np.arange(mesh.t.shape[1]))
+    assert_array_equal(np.sort(number), np.arange(mesh.nelements))
     assert {name: set(number[items]) for name, items in read.subdomains.items()} == {
         name: set(items) for name, items in mesh.subdomains.items()
     }

@@ -38,7 +38,7 @@ def test_reversed_elements_are_turned_on_both_ways(tmp_path, suffix):
     file = meshio.read(tmp_path / f"mesh{suffix}", "vtu" if suffix == ".vtu" else "gmsh")
     tetrahedra = file.cells_dict["tetra"]
     assert np.all(signed_area(MeshTet(file.points.T, tetrahedra.T)) > 0)
-    assert len(np.unique(np.sort(tetrahedra, axis=1), axis=0)) == mesh.t.shape[1]  # MSH 2.2 lists some twice
+    assert len(np.unique(np.sort(tetrahedra, axis=1), axis=0)) == mesh.nelements  # MSH 2.2 lists some twice
     back = read_mesh(tmp_path / f"mesh{suffix}")
     assert_array_equal(np.sort(back.t, axis=0), np.sort(mesh.t, axis=0))
     assert in_front(back, "wall") == in_front(mesh, "wall")
@@ -60,7 +60,7 @@ def test_scikit_fem_reads_ours_and_we_what_it_saves(tmp_path):
 
 def test_fields_come_back_by_place(tmp_path):
     mesh = two_boxes(1)
-    values, order = np.arange(mesh.t.shape[1]) / 7, np.random.default_rng(1).permutation(mesh.t.shape[1])
+    values, order = np.arange(mesh.nelements) / 7, np.random.default_rng(1).permutation(mesh.nelements)
     other = MeshTet(mesh.p, mesh.t[:, order])
     for name in ("f.vtu", "f.msh"):
         write_mesh(tmp_path / name, other, cell_data={"B": values[order]}, point_data={"u": mesh.p[0]})

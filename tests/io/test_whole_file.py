@@ -6,15 +6,12 @@ import stat
 import threading
 
 import pytest
+from helpers.places import names_in
 from helpers.processes import leave_drafts
 
 from kohonen_adapt.files import DRAFT, SUFFIX, remove_drafts, whole_file, whole_files
 
 needs_modes = pytest.mark.skipif(os.name == "nt", reason="modes and locks of POSIX")
-
-
-def names_in(folder):
-    return sorted(file.name for file in folder.iterdir())
 
 
 def write(path, text):

@@ -18,7 +18,7 @@ from kohonen_adapt.loop.growth import Growth
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.mesh.measures import area
 
-NODES = MESH.p.shape[1]
+NODES = MESH.nvertices
 CORNERS = [0, 1, 2, 3]
 
 
@@ -90,9 +90,9 @@ def test_every_pass_has_indicators_and_nodes_of_its_own_mesh():
     assert_array_equal(result.history[0].nodes, np.arange(NODES))
     for step, solved in zip(result.history, problem.calls, strict=True):
         assert step.mesh is solved
-        assert step.indicators.shape == (step.mesh.t.shape[1],)
+        assert step.indicators.shape == (step.mesh.nelements,)
         assert np.linalg.norm(step.indicators) == pytest.approx(step.estimate)
-        assert step.nodes.shape == (step.mesh.p.shape[1],)
+        assert step.nodes.shape == (step.mesh.nvertices,)
         old = step.nodes[step.nodes >= 0]
         assert len(np.unique(old)) == len(old)
         at = [int(np.flatnonzero(step.nodes == corner)[0]) for corner in CORNERS]
@@ -164,7 +164,7 @@ def test_tiny_and_huge_indicators_are_not_lost():
 
 def test_layers_reach_the_map():
     strip = MeshTri.init_tensor(np.linspace(0.0, 2.0, 9), np.linspace(0.0, 0.2, 3))
-    strip = strip.with_subdomains({"strip": np.arange(strip.t.shape[1])})
+    strip = strip.with_subdomains({"strip": np.arange(strip.nelements)})
     problem = Left()
     with pytest.raises(ValueError, match=r"subdomain 'strip'"):
         adapt(strip, problem, layers={"strip": 3}, topology="flip")  # with "recycle" it is made

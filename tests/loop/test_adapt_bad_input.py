@@ -9,7 +9,7 @@ from skfem import MeshTri
 from kohonen_adapt import Status, adapt
 
 MESH = MeshTri().refined(2)
-ELEMENTS = MESH.t.shape[1]
+ELEMENTS = MESH.nelements
 
 
 class Constant:
@@ -25,7 +25,7 @@ class Constant:
 
     def indicators(self, mesh, solution):
         if self.values is None or solution < self.from_pass:
-            return np.ones(mesh.t.shape[1])
+            return np.ones(mesh.nelements)
         return self.values
 
 

@@ -34,7 +34,7 @@ class Striped(Load):
     """A functional whose coefficient changes inside the one region."""
 
     def ritz(self, mesh, solution):
-        return ka.Ritz(solution, outer(mesh), (1.0, 2.0), region=np.arange(mesh.t.shape[1]) % 2)
+        return ka.Ritz(solution, outer(mesh), (1.0, 2.0), region=np.arange(mesh.nelements) % 2)
 
 
 def cubic(x):
@@ -42,7 +42,7 @@ def cubic(x):
 
 
 def outer(mesh):
-    return np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes())
+    return np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
 
 
 @cache
@@ -135,15 +135,15 @@ def test_where_values_are_not_linear_the_best_is_that_of_the_estimate():
 def test_growing_to_a_number_of_nodes():
     mesh = l_shape(3)
     result = ka.adapt(mesh, Load(), passes=3, target_nodes=400)
-    counts = [step.mesh.p.shape[1] for step in result.history]
-    assert counts[0] == mesh.p.shape[1] and counts[-1] == counts[-2] == 400
+    counts = [step.mesh.nvertices for step in result.history]
+    assert counts[0] == mesh.nvertices and counts[-1] == counts[-2] == 400
     assert counts == sorted(counts)
-    assert result.mesh.p.shape[1] == 400
+    assert result.mesh.nvertices == 400
     for topology in ("fixed", "flip"):
         grown = ka.adapt(mesh, Load(), passes=3, target_nodes=400, topology=topology)
-        assert grown.mesh.p.shape[1] == 400
+        assert grown.mesh.nvertices == 400
         assert all(step.collapses == 0 for step in grown.history)
-        assert np.array_equal(np.sort(grown.nodes)[-mesh.p.shape[1] :], np.arange(mesh.p.shape[1]))
+        assert np.array_equal(np.sort(grown.nodes)[-mesh.nvertices :], np.arange(mesh.nvertices))
 
 
 def test_elements_too_thin_to_be_halved_do_not_stop_growth():
@@ -167,7 +167,7 @@ def test_targets_that_are_no_numbers_of_nodes(target, rule):
 
 def test_growth_from_a_mesh_in_which_nothing_can_move():
     result = ka.adapt(MeshTri(), Load(), target_nodes=50, passes=4)
-    assert result.history[-1].mesh.p.shape[1] == 50
+    assert result.history[-1].mesh.nvertices == 50
 
 
 def test_the_message_says_where_growth_ends():
@@ -189,7 +189,7 @@ def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
             return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), x=given, D=edge))
 
     result = ka.adapt(MeshTri(), Bump(), passes=4, target_nodes=300)
-    assert result.mesh.p.shape[1] == 300
+    assert result.mesh.nvertices == 300
     text = r"because the polish held \d+ nodes? \(Dirichlet values that are not linear along .*\)\.$"
     assert re.search(f" compared by the estimate, {text}", result.message)
 

@@ -110,13 +110,3 @@ def test_growth_from_faces_without_inner_nodes_lowers_the_functional(order, cell
     assert coarse.history[2].functional < 0.9 * coarse.history[0].functional  # both are negative
     assert found.mesh.nvertices > 0.9 * nodes
     assert found.history[2].functional < found.history[0].functional
-
-
-def test_ctrl_c_in_the_polish_gives_back_what_there_is():
-    def progress(number, step):
-        if (number, step) == (2, "polish"):
-            raise KeyboardInterrupt
-
-    result = ka.adapt(fichera(), Minimised(FICHERA), progress=progress)
-    assert result.status is ka.Status.STOPPED and len(result.history) == 2
-    assert_array_equal(result.mesh.p, adapted().history[1].mesh.p)

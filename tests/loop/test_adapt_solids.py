@@ -134,13 +134,3 @@ def test_no_edge_is_curved_where_no_surface_is():
     problem = Poisson(order=2)
     problem.curved = True
     assert type(ka.adapt(box(2), problem, passes=1).mesh) is MeshTet
-
-
-def test_broken_meshes_and_indicators():
-    flat = MeshTet(np.zeros((3, 4)), np.arange(4)[:, None])
-    with pytest.raises(ValueError, match="volume above zero"):
-        ka.adapt(flat, Poisson())
-    problem = Poisson()
-    problem.indicators = lambda mesh, solution: np.ones(3)
-    with pytest.raises(ValueError, match=r"must have shape \(nelements,\) = \(48,\)"):
-        ka.adapt(box(2), problem)

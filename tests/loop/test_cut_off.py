@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import ring
+from helpers.meshes import centres, ring
 from helpers.random_solids import ball, bar
 
 import kohonen_adapt as ka
@@ -22,7 +22,7 @@ class Nearby:
         return self.solves
 
     def indicators(self, mesh, solution):
-        centre = mesh.p[:, mesh.t].mean(axis=1)
+        centre = centres(mesh)
         density = 1e-3 + np.exp(-np.sum((centre - self.point) ** 2, axis=0) / 0.1)
         eta = density * area(mesh) ** (0.5 + 1 / len(mesh.p))
         return (1.0 - GAIN * solution) * eta / np.linalg.norm(eta)

@@ -68,12 +68,6 @@ def test_tetrahedra_of_order_2_grow_no_more_than_the_tolerance_asks(rtol):
     assert 0.6 * rtol < result.estimate / result.best.energy_norm <= rtol
 
 
-def test_an_input_within_the_tolerance_is_given_back():
-    mesh = rectangle_mesh(1)
-    result = ka.adapt(mesh, magnet(order=1), rtol=0.9)
-    assert len(result.history) == 1 and np.array_equal(result.mesh.p, mesh.p)
-
-
 @pytest.mark.parametrize("topology", ["flip", "fixed"])
 def test_without_recycling_the_mesh_only_grows(topology):
     result = ka.adapt(l_shape(4), Corner(), rtol=0.08, topology=topology)

@@ -5,13 +5,11 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
+from helpers.places import PACKAGE
 from helpers.prose import imports_of
 
 import kohonen_adapt
-
-PACKAGE = Path(__file__).parents[2] / "kohonen_adapt"
 
 # From the bottom up; chapters that stand side by side do not know each other. The README's table is this list.
 LAYERS = [

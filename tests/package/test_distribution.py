@@ -11,13 +11,12 @@ from email.parser import BytesParser
 from pathlib import Path
 
 import pytest
+from helpers.places import PACKAGE, ROOT
 
 import kohonen_adapt as ka
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "kohonen_adapt"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 

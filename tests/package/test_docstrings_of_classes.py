@@ -7,11 +7,11 @@ import pkgutil
 import re
 from pathlib import Path
 
+from helpers.places import PACKAGE
 from helpers.prose import comments, docstrings
 
 import kohonen_adapt as ka
 
-PACKAGE = Path(ka.__file__).parent
 FILES = [path.as_posix() for folder in (PACKAGE, Path(__file__).parents[1]) for path in folder.rglob("*.py")]
 
 

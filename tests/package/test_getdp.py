@@ -3,12 +3,12 @@
 import runpy
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
 import skfem
 from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
+from helpers.places import EXAMPLES
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
 
@@ -19,7 +19,6 @@ from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 GROUPS = {(1, 200), (2, 100), (2, 101), (2, 102), (2, 103)}
 
 needs_getdp = pytest.mark.skipif(shutil.which("getdp") is None, reason="getdp is not installed (Debian: getdp)")
@@ -66,7 +65,7 @@ def test_every_form_in_which_getdp_writes_a_field(options, tmp_path):
         run = ["getdp", EXAMPLES / "getdp.pro", "-msh", EXAMPLES / "getdp.msh", "-name", folder / "getdp", "-v", "1"]
         subprocess.run([*run, *form, "-solve", "Field", "-pos", "Indicator"], check=True)
         fields.append(ka.read_field(folder / "eta.pos", mesh, "eta"))
-    assert fields[0].shape == (mesh.t.shape[1],) and np.all(fields[0] > 0.0)
+    assert fields[0].shape == (mesh.nelements,) and np.all(fields[0] > 0.0)
     assert_allclose(fields[1], fields[0], rtol=1e-6)
 
 
@@ -104,7 +103,7 @@ Resolution {{ {{ Name R;
 def recovered(mesh, problem):
     """The indicator by scikit-fem: h projected to continuous fields on each medium, means over corners of its error."""
     field = problem.solve(mesh).field_strength
-    eta = np.zeros(mesh.t.shape[1])
+    eta = np.zeros(mesh.nelements)
     for name in ("iron", "magnet", "air"):
         rows = mesh.subdomains[name]
         basis = skfem.CellBasis(mesh, skfem.ElementTriP1(), elements=rows)
@@ -113,7 +112,7 @@ def recovered(mesh, problem):
         off = 0.0
         for component in field[:, rows]:
             load = skfem.LinearForm(lambda v, w: w["h"] * v).assemble(basis, h=component[:, None] + 0.0 * basis.dx)
-            nodal = np.zeros(mesh.p.shape[1])
+            nodal = np.zeros(mesh.nvertices)
             nodal[nodes] = spsolve(mass[nodes][:, nodes].tocsc(), load[nodes])
             off = off + (nodal[mesh.t[:, rows]] - component) ** 2
         mu = 4e-7 * np.pi * problem.materials[name].permeability

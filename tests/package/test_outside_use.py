@@ -3,11 +3,10 @@
 import ast
 import importlib
 import json
-from pathlib import Path
 
+from helpers.places import ROOT
 from helpers.prose import imports_of
 
-ROOT = Path(__file__).parents[2]
 FACES = ["", ".cases", ".elements", ".estimators", ".magnetostatics", ".plotting", ".report"]
 PUBLIC = {f"kohonen_adapt{face}": set(importlib.import_module(f"kohonen_adapt{face}").__all__) for face in FACES}
 

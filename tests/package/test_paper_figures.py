@@ -1,14 +1,12 @@
 """The numbers behind the figures of the paper, drawn small, say what the paper says, or where it falls short."""
 
 import runpy
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.places import EXAMPLES
 
 pytestmark = pytest.mark.slow
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")

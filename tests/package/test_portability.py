@@ -3,13 +3,10 @@
 import ast
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from helpers.places import PACKAGE
 
-import kohonen_adapt
-
-PACKAGE = Path(kohonen_adapt.__file__).parent
 MODULES = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "select", "syslog", "termios", "tty"}
 NAMES = {
     *("SIGALRM", "SIGHUP", "SIGKILL", "SIGQUIT", "SIGUSR1", "SIGUSR2", "alarm", "chown", "fchmod", "fchown", "flock"),

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.places import PACKAGE
 from helpers.prose import imports_of
 from skfem import MeshTri
 
@@ -21,7 +22,6 @@ from kohonen_adapt.magnetostatics import Goal, Law, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
-PACKAGE = Path(ka.__file__).parent
 MODULES = [
     importlib.import_module(name)
     for name in (

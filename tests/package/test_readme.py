@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from helpers.places import ROOT
 
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
@@ -15,7 +16,6 @@ from kohonen_adapt.cases.readers import kinds_of
 from kohonen_adapt.cases.reading import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import COILS, GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
 
-ROOT = Path(__file__).parents[2]
 READMES = ("README.md", "examples/README.md", "benchmarks/README.md", "kohonen_adapt/README.md")
 SITE = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "kohonen_adapt" / "docs").glob("*.md"))
 PAGES = {page: (ROOT / page).read_text(encoding="utf-8") for page in (*READMES, *SITE)}
@@ -28,7 +28,7 @@ CASES = [(page, case) for page, text in PAGES.items() for case in re.findall(r"`
 def test_every_case_fits_its_mesh(page, case):
     given = tomllib.loads(case)
     mesh = fitting_mesh(case_of(given, (ROOT / page).parent))
-    assert mesh.p.shape[1] == {"c_core.msh": 899, "motor.msh": 4692, "gripper.msh": 1510}[Path(given["mesh"]).name]
+    assert mesh.nvertices == {"c_core.msh": 899, "motor.msh": 4692, "gripper.msh": 1510}[Path(given["mesh"]).name]
 
 
 def test_every_key_of_a_case_is_explained():

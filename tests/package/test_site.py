@@ -5,17 +5,15 @@ import inspect
 import io
 import re
 import shlex
-from pathlib import Path
 
 import pytest
+from helpers.places import EXAMPLES, ROOT
 from test_public_surface import MODULES
 
 import kohonen_adapt as ka
 from kohonen_adapt.__main__ import main
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
-ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
 DOCS = ROOT / "kohonen_adapt" / "docs"
 PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted(DOCS.glob("*.md"))}
 BLOCKS = re.compile(r"^```(python|pycon|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -6,16 +6,15 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.places import EXAMPLES
 from helpers.processes import wait_until
 from scipy.interpolate import CubicSpline
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
 EVERY = {"motor": 3, "actuator": 5}  # of the 30 cases
 
 

@@ -1,11 +1,9 @@
 """The maintainers' page names files that exist, and names in them."""
 
 import re
-from pathlib import Path
 
-import kohonen_adapt
+from helpers.places import PACKAGE
 
-PACKAGE = Path(kohonen_adapt.__file__).parent
 TEXT = (PACKAGE / "README.md").read_text(encoding="utf-8")
 PART = TEXT.partition("## Where to begin")[2].partition("## ")[0]
 ROWS = [row.split("|")[2] for row in PART.splitlines()[4:] if "|" in row]

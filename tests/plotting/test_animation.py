@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.places import names_in
 from helpers.reports import a_pass
 from PIL import Image
 from skfem import MeshTri
@@ -28,7 +29,7 @@ def test_every_pass_is_a_frame_and_the_last_stays(tmp_path):
     plotting.animate_passes(tmp_path / "passes.gif", passes(3), unit="mm", seconds=0.5)
     shown = durations(tmp_path / "passes.gif")
     assert shown[:2] == [500, 500] and sum(shown[2:]) == 500 + 2000
-    assert [file.name for file in tmp_path.iterdir()] == ["passes.gif"]
+    assert names_in(tmp_path) == ["passes.gif"]
 
 
 @pytest.mark.slow

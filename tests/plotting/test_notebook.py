@@ -2,17 +2,16 @@
 
 import json
 import re
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from helpers.places import ROOT
 from helpers.worlds import without_matplotlib
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
-ROOT = Path(__file__).parents[2]
 HOSTILE = "<script>alert('&')</script>"
 
 

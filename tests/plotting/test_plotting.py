@@ -230,13 +230,6 @@ def test_held_nodes_have_the_colour_of_their_reason():
     assert legend_of(plotting.plot_outlines(named(8)))[-1].endswith("further reasons")
 
 
-def test_a_pinned_node_is_held_for_good_and_ends_a_chain():
-    floor = int(np.flatnonzero((square(8).p[0] == 0.5) & (square(8).p[1] == 0.0))[0])
-    drawing = plotting.plot_outlines(square(8), pinned=[floor])
-    assert "1 node fixed" in legend_of(drawing)
-    assert "5 chains straight" in legend_of(drawing)
-
-
 @pytest.mark.parametrize("build", [lambda: junction(8), lambda: named(8), lambda: inset(8)])
 def test_chains_that_meet_differ_in_colour(build):
     chains = chains_drawn(plotting.plot_outlines(build()))

@@ -34,7 +34,7 @@ def test_a_cut_in_the_colours_of_its_subdomains():
 def test_a_cut_in_the_colours_of_values(tmp_path):
     axes = plotting.plot_slice(MESH, MIDDLE, MESH.p[0], label="x")
     assert axes.collections[0].get_array().min() >= 0.0  # of nodes: linear between them
-    count = MESH.t.shape[1]
+    count = MESH.nelements
     axes = plotting.plot_slice(MESH, MIDDLE, np.arange(count), label="number")
     assert set(axes.collections[0].get_array()) <= set(range(count))
     assert axes.figure.axes[1].get_ylabel() == "number" and axes.get_legend() is None
@@ -43,7 +43,7 @@ def test_a_cut_in_the_colours_of_values(tmp_path):
 
 def test_every_picture_of_a_plane_mesh_has_a_cut_of_tetrahedra():
     figure = Figure()
-    panels, count = figure.subplots(1, 3), MESH.t.shape[1]
+    panels, count = figure.subplots(1, 3), MESH.nelements
     plotting.draw_mesh(panels[0], MESH, plane=MIDDLE)
     drawn = sum(len(line.get_xdata()) // 3 for line in panels[0].lines)
     assert drawn == len(flat(MESH, MIDDLE).sides) < flat(MESH, MIDDLE).mesh.facets.shape[1]
@@ -72,7 +72,7 @@ def test_the_surface_in_the_colours_of_names():
     axes = plotting.plot_surface(MESH)
     assert words(axes) == ["no name", "outer, with a corner", "with a corner", "sheet"]  # the wall is inside
     assert sorted(words(plotting.plot_surface(MESH, "subdomains")))[0] == "low"
-    axes = plotting.plot_surface(MESH, np.arange(MESH.t.shape[1]), label="number")
+    axes = plotting.plot_surface(MESH, np.arange(MESH.nelements), label="number")
     assert axes.figure.axes[1].get_ylabel() == "number" and axes.get_legend() is None
 
 

@@ -284,7 +284,7 @@ def test_the_page_interpolates_on_the_lattice_of_every_element(divisions, tmp_pa
     """`planesOf` of the page, by node: the values at all points of the lattice, and linear functions everywhere."""
     mesh, rng = a_mesh(2), np.random.default_rng(0)
     share = lattice(divisions)[0]
-    values = rng.random((share.shape[1], mesh.t.shape[1]))
+    values = rng.random((share.shape[1], mesh.nelements))
     x = np.einsum("iq,dik->dqk", share, mesh.p[:, mesh.t])
     towards = x.mean(axis=1, keepdims=True)
     middle = np.einsum("iq,dik->dqk", lattice(7)[0], mesh.p[:, mesh.t])
@@ -292,7 +292,7 @@ def test_the_page_interpolates_on_the_lattice_of_every_element(divisions, tmp_pa
         "x": mesh.p[0].tolist(),
         "y": mesh.p[1].tolist(),
         "nodes": mesh.t.ravel().tolist(),
-        "count": mesh.t.shape[1],
+        "count": mesh.nelements,
     }
     cases = [(values, x + 1e-9 * (towards - x)), (2.0 * x[0] - 3.0 * x[1] + 1.0, middle)]
     (tmp_path / "cases.json").write_text(json.dumps([asked, [[v.ravel().tolist(), p.tolist()] for v, p in cases]]))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers import swept
+from helpers.places import names_in
 from helpers.processes import alive, leave_drafts, wait_until
 
 import kohonen_adapt as ka
@@ -114,7 +115,7 @@ def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
     with monkeypatch.context() as patched, pytest.raises(OSError, match="No space left"):
         patched.setattr(os, "replace", full)
         here(one, {"x": [1, 2, 3]}, tmp_path)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["case-0000.json", "sweep.json"]
+    assert names_in(tmp_path) == ["case-0000.json", "sweep.json"]
     leave_drafts(tmp_path / "case-0001.json")
     np.testing.assert_array_equal(here(one, {"x": [1, 2, 3]}, tmp_path).table["value"], [2.0, 3.0, 4.0])
     assert not list(tmp_path.glob(".*"))
