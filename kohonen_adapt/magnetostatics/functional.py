@@ -175,9 +175,7 @@ def surface_terms(
         moved = functional_on(mesh)[1]
         return nodal_terms(moved, problem.conditions_of(moved), aligned_potential(moved.drive, drive))
 
-    return SurfaceTerms(
-        nodal_terms(field, problem.conditions_of(field), drive.potential), reduced, on_mesh, drive.function
-    )
+    return SurfaceTerms(nodal_terms(field, problem.conditions_of(field), drive.potential), reduced, on_mesh)
 
 
 def nodal_terms(field: SolidField, conditions: Conditions, potential: Floats) -> Floats:

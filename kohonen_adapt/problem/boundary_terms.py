@@ -13,11 +13,8 @@ from kohonen_adapt.mesh.elements.functions import on_axis, trace_columns, traces
 from kohonen_adapt.mesh.names import outer_facets_of
 
 __all__ = [
-    "FACET_DEGREE",
-    "AppliedField",
     "Robin",
     "SurfaceTerms",
-    "applied_field",
     "checked_conditions",
     "checked_surface",
     "corner_values",
@@ -30,10 +27,8 @@ __all__ = [
 ]
 
 Load = float | DataFunction
-AppliedField = DataFunction
 Robin = Mapping[str, tuple[float, Load]]
 
-FACET_DEGREE = 4  # of the quadrature rule of an applied field on facets, at order 1
 AT, WEIGHTS = (0.5 * (part + shift) for part, shift in zip(np.polynomial.legendre.leggauss(6), (1.0, 0.0), strict=True))
 
 
@@ -130,15 +125,11 @@ class SurfaceTerms:
         Reduced regions by their number in `Ritz`, shape (nregions,).
     on_mesh
         Function of a mesh with the same subdomains that returns `nodal` there, for the same potential.
-    applied
-        None, or the applied field Hs, a function of x, shape (3, n), whose loads in reduced regions are ``coefficient
-        int Hs . n v dS`` and which is minus the gradient of the offset along surfaces. Nodes slide on flat faces then.
     """
 
     nodal: Floats
     reduced: Mask
     on_mesh: Callable[[MeshTet], Floats]
-    applied: AppliedField | None = None
 
 
 def checked_surface(given: SurfaceTerms | None, unknowns: int, region: Int64s | None) -> None:
@@ -150,10 +141,6 @@ def checked_surface(given: SurfaceTerms | None, unknowns: int, region: Int64s | 
     needed = 1 if region is None else int(region.max(initial=0)) + 1
     if len(given.reduced) < needed:
         raise ValueError(f"reduced of SurfaceTerms must have {needed} entries; got {len(given.reduced)}.")
-
-
-def applied_field(surface: SurfaceTerms | None) -> AppliedField | None:
-    return None if surface is None else surface.applied
 
 
 def nodal_terms(surface: SurfaceTerms | None) -> Floats:

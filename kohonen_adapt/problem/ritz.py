@@ -144,8 +144,8 @@ class Ritz:
         0.0 for none, a constant, shape (3,), or one per region number, shape (3, nregions). Regions without a law
         ignore it.
     surface
-        None, or the offsets and loads of `kohonen_adapt.problem.boundary_terms.SurfaceTerms`. The polish moves
-        nodes of surfaces with offsets or loads at order 1 on flat faces in an applied field.
+        None, or the offsets and loads of `kohonen_adapt.problem.boundary_terms.SurfaceTerms`. The polish holds
+        nodes of surfaces with offsets or loads.
 
     Notes
     -----

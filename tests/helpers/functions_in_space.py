@@ -37,8 +37,8 @@ def on_nodes(mesh, seed=0, bent=False, value=None):
 
 
 def plain(mesh):
-    """No patch with slivers, none on which given values go on, and none with an applied field."""
-    return [np.zeros(len(mesh.surfaces.shape), dtype=bool) for _ in range(3)]
+    """No patch with slivers, and none on which given values go on."""
+    return [np.zeros(len(mesh.surfaces.shape), dtype=bool) for _ in range(2)]
 
 
 def functional(mesh, trial, elements=None):

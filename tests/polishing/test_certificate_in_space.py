@@ -18,7 +18,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import swap
-from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, FOLLOWS, INSIDE, POSITION, Constraints, Queue
+from kohonen_adapt.kernels.tetrahedron.arrays import INSIDE, POSITION, Constraints, Queue
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.tetrahedron.polish import swap_order2
 from kohonen_adapt.kernels.tetrahedron.polish.exchange_order1 import split_parabola
@@ -137,7 +137,7 @@ def started(name, seed=0):
     return mesh, at
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith(("driven", "curved"))])
+@pytest.mark.parametrize("name", [name for name in CASES if not name.startswith(("driven 2", "curved"))])
 def test_the_value_is_that_of_the_functional(name):
     """Which `tests/problem/test_functional_value.py` compares with closed forms."""
     build, ritz_on, _ = CASES[name]
@@ -172,7 +172,7 @@ def test_every_step_takes_off_what_it_says(name, seed):
         now = at.value()
         fall = before - now
         assert gains[-1] >= 0.0 or step == at.recycle
-        if step != at.sweep or not name.startswith(("driven", "curved")):
+        if step != at.sweep or not name.startswith("curved"):
             assert gains[-1] == pytest.approx(fall, rel=1e-6, abs=near * (abs(before) + 1.0))
         before = now
         assert name.endswith("1") or name.startswith("driven") or is_continuous(at.descent)  # offsets jump
@@ -339,30 +339,6 @@ def test_new_nodes_have_the_source_of_their_edge():
     elements, rows = at.mesh.elements, np.flatnonzero(at.mesh.elements.node[:, 0] >= 0)
     source = at.trial.source[elements.node[rows], elements.region[rows, None]]
     assert source == pytest.approx((2.0 + elements.region[rows, None]) / 24.0 * np.ones(4), rel=1e-9)
-
-
-def test_stars_count_the_loads_of_their_faces():
-    _, at = started("driven 1")
-    constraints = Constraints(at.freedom(), at.mesh.surfaces, at.freedom().number == INSIDE)
-    arrays = KernelMesh(at.mesh.position, at.mesh.elements, at.descent.opened.star(), constraints)
-    rows = np.flatnonzero((at.trial.applied[:, FOLLOWS] != 0.0) & ~at.trial.fixed & (at.mesh.pool.anchor >= 0))
-    step = 1e-4 * np.ptp(at.trial.value)
-
-    def star(v, change):
-        sizes, _, by_value, *_ = interpreted(star_of_order_1)(
-            arrays, at.trial, v, tuple(at.mesh.position[v]), change, BLOCK, True
-        )
-        return sizes[1], by_value
-
-    for v in rows[:: len(rows) // 6]:
-        values = []
-        for change in (step, -2.0 * step):
-            at.trial.value[v] += change
-            values.append(at.value())
-        at.trial.value[v] += step
-        of_star = [star(v, change)[0] for change in (step, -step)]
-        assert of_star[0] - of_star[1] == pytest.approx(values[0] - values[1], rel=1e-5)
-        assert star(v, 0.0)[1] == pytest.approx((values[0] - values[1]) / (2.0 * step), rel=1e-4)
 
 
 def two_balls(mesh, values):

@@ -32,13 +32,6 @@ SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
 OFFSET, LOAD = range(2)  # columns of `Trial.surface`
 NO_SURFACE = np.zeros((0, 2))  # `Trial.surface` of functions without offsets and loads
 
-# Columns of `Trial.applied`: 1 for nodes of `loaded` patches, the applied field and its derivatives, their place, and
-# the part of `LOAD` that corrects the work of faces.
-FOLLOWS, FIELD_X, FIELD_Y, FIELD_Z = range(4)
-GRADIENT_XX, GRADIENT_XY, GRADIENT_XZ, GRADIENT_YY, GRADIENT_YZ, GRADIENT_ZZ = range(4, 10)
-AT_X, AT_Y, AT_Z, CORRECTION = range(10, 14)
-NO_APPLIED = np.zeros((0, 14))
-
 ROUND_METRIC = Metric(np.zeros((0, 6)), 1.0)
 
 # Levels of derivatives at order 2: none, by unknowns, and by the position of corner 0.
@@ -197,10 +190,8 @@ class Trial(NamedTuple):
     rate: Array  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
     counted: Array  # (p,) bool: curved patches whose slivers are counted
     follows: Array  # (p,) bool: patches whose Dirichlet values extend into slivers
-    loaded: Array  # (p,) bool: flat patches with the work of an applied field
     source: Array  # (n, regions): varying source / 24 around every node, otherwise (0, regions)
-    surface: Array  # (n, 2): offset of the value in reduced regions and load off `loaded` patches, (0, 2) for none
-    applied: Array = NO_APPLIED  # (n, 14), (0, 14) without `loaded` patches
+    surface: Array  # (n, 2): offset of the value in reduced regions and load, (0, 2) for none
 
 
 @record

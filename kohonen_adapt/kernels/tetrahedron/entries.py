@@ -31,11 +31,7 @@ from kohonen_adapt.kernels.tetrahedron import (
     swap,
     train,
 )
-from kohonen_adapt.kernels.tetrahedron.polish import (
-    applied_field,
-    descend,
-    exchange,
-)
+from kohonen_adapt.kernels.tetrahedron.polish import descend, exchange
 
 __all__ = ["SPACE", "TETRAHEDRA"]
 
@@ -51,7 +47,7 @@ CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2,
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY, METRIC))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
-TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, B1, R2, R2, R2))
+TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
     (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2)
@@ -101,7 +97,7 @@ SPACE: dict[str, tuple[Entry, ...]] = {
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SEARCH_SCRATCH),
         Entry(train.learn, KERNEL_MESH, LESSON, float64, float64, boolean[::1], SEARCH_SCRATCH),
     ),
-    "space polish": (*polish(none), Entry(applied_field.add_loads, OPEN_TETRAHEDRA, TRIAL, R1)),
+    "space polish": polish(none),
     "space polish of order 2": polish(QUADRATIC),
     "space coils": (
         Entry(coils.add_bars, BARS, R2, int64, int64, R2, R2),

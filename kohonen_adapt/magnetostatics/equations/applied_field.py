@@ -26,7 +26,6 @@ from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import ascending, edges_around, edges_in, keys_of, number_edges, number_facets
 from kohonen_adapt.mesh.measures import EDGES, hat_gradients, is_in_front
 from kohonen_adapt.mesh.names import connected_components_of
-from kohonen_adapt.problem.boundary_terms import FACET_DEGREE
 
 __all__ = [
     "Drive",
@@ -40,7 +39,7 @@ __all__ = [
 # field.
 PERMEABLE = 2.0
 LINKED = 0.01  # largest error of circulations along closed paths, relative to the range of the potential in iron
-DEGREE = {1: FACET_DEGREE} | {order: 2 * order + 3 for order in range(2, 8)}  # of the rule of facets, by order
+DEGREE = {1: 4} | {order: 2 * order + 3 for order in range(2, 8)}  # of the rule of facets, by order
 TOLERANCE = 1e-9  # tolerance of equality, relative to the permeability of vacuum
 NO_CURRENT = 0.002  # allowed circulation around a face without current, relative to the integral of |Hs|
 

@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints
+from kohonen_adapt.arrays import DataFunction, Floats, FloatsPair, Ints
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.mesh.elements.functions import positions
 from kohonen_adapt.mesh.elements.rules import product_rule
 from kohonen_adapt.mesh.measures import magnitude
-from kohonen_adapt.problem.boundary_terms import AppliedField
 
 __all__ = [
     "FACET_SIGNS",
@@ -24,6 +23,7 @@ __all__ = [
     "field_at",
 ]
 
+AppliedField = DataFunction
 
 FACET_SIGNS = np.array([1.0, 1.0, -1.0])
 # Points of Lobatto's rules along a segment: seven have an error of 5e-5 at half its length from a wire. Fewer suffice

@@ -13,7 +13,6 @@ from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import Parts
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import (
-    FOLLOWS,
     HELD,
     INSIDE,
     PLANE,
@@ -29,7 +28,6 @@ from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.polish import SETTLED
-from kohonen_adapt.polishing.space.applied_field import renew_field, start_field, with_loads_of_faces
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 from kohonen_adapt.polishing.space.recycling_in_space import (
     EXCHANGES,
@@ -128,15 +126,13 @@ class SpaceDescent:
         if len(surface) and modes is not None:  # loads do no work if the values on their surfaces are given
             fixed |= on_patches(mesh, functional.driven)
             modes.dirichlet[:] |= edges_of_patches(mesh, functional.driven)
-        own, applied = functional.trial(padded(trial.values, rows, 0.0), fixed, surface), functional.applied_field
-        if len(own.applied) and applied is not None:
-            start_field(mesh, own, applied)
+        own = functional.trial(padded(trial.values, rows, 0.0), fixed, surface)
         rules, seen = (movable.polish_floor, movable.flips), np.zeros((len(mesh.elements.node), 2))
         common = movable, recycled, opened, functional, own, *rules, seen
         return cls(*common, modes, CurvedEdges.of(movable, rows), size_of(mesh))
 
     def copy(self) -> Self:
-        names = ("value", "fixed", "surface", "applied")
+        names = ("value", "fixed", "surface")
         trial = self.trial._replace(**{name: getattr(self.trial, name).copy() for name in names})
         modes = self.modes and copied(self.modes)
         own = replace(self, opened=self.opened.copy(), trial=trial, modes=modes, curves=self.curves.copy())
@@ -164,7 +160,6 @@ class SpaceDescent:
             gain += self.sweep(parts, freedom)
             if (k + 1) % SWEEPS_PER_SWAP[self.order - 1] == 0 or k + 1 == sweeps:
                 gain += self.swap(parts)
-        self.renew_field()
         return gain
 
     def descend_checked(self, sweeps: int, swap_first: bool) -> tuple[Self, float]:
@@ -207,8 +202,7 @@ class SpaceDescent:
         return replace(recycled, splits=recycled.splits + self.pairs, collapses=collapses, **ancestry)
 
     def value(self) -> float:
-        surface = with_loads_of_faces(self.opened.mesh, self.trial)
-        function = TrialFunction(self.trial.value, self.trial.fixed, self.modes, surface=surface)
+        function = TrialFunction(self.trial.value, self.trial.fixed, self.modes, surface=self.trial.surface)
         return self.functional.value_on(self.opened.mesh.position, self.opened.mesh.elements, function, self.curves)
 
     def swap(self, parts: Parts) -> float:
@@ -245,8 +239,6 @@ class SpaceDescent:
         mesh, patches = self.opened.mesh, slice(self.functional.patches)
         freedom = self.functional.freedom(mesh.freedom, self.trial.fixed, self.trial.surface)
         removable = (freedom.number != HELD) & (mesh.pool.anchor >= 0) & ~self.curves.at_nodes(len(mesh.position))
-        if len(self.trial.applied):
-            removable &= self.trial.applied[:, FOLLOWS] == 0.0
         lone = self.trial.fixed & ~on_patches(mesh, self.functional.dirichlet[patches] | self.functional.driven)
         is_open = ~(self.functional.held | self.functional.dirichlet)[patches]
         offers = empty_offers(mesh, is_open if self.modes is None else self.free_planes(), removable, lone)
@@ -273,11 +265,6 @@ class SpaceDescent:
 
     def sample_source(self) -> None:
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
-
-    def renew_field(self) -> None:
-        applied = self.functional.applied_field
-        if len(self.trial.applied) and applied is not None:
-            renew_field(self.opened.mesh, self.trial, applied)
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
         mesh, star = self.opened.mesh, self.opened.star()

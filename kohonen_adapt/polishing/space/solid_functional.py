@@ -14,7 +14,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     LINE,
     LOAD,
-    NO_APPLIED,
     NO_SURFACE,
     OFFSET,
     ON_PATCH,
@@ -34,13 +33,10 @@ from kohonen_adapt.mesh.elements.polynomials import (
 )
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.polishing.energy_tables import Tables, constants_of, laws_of_regions, numbers_of_regions
-from kohonen_adapt.polishing.space.applied_field import sliding_places
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges, CurvedFaces
-from kohonen_adapt.polishing.space.surface_values import dirichlet_on, outer_patches, ridges_at, sides_of, with_loads
+from kohonen_adapt.polishing.space.surface_values import dirichlet_on, ridges_at, sides_of, with_loads
 from kohonen_adapt.polishing.stationarity import check_in_space
 from kohonen_adapt.problem.boundary_terms import (
-    AppliedField,
-    applied_field,
     corner_values,
     nodal_terms,
     reduced_regions,
@@ -84,8 +80,6 @@ class SolidFunctional:
         values, which may or may not be Dirichlet patches. Ridges of held patches are held.
     driven
         Patches with offsets or loads, (p,) bool.
-    slides
-        Patches and ridges with loads whose nodes slide nevertheless, (p + r,) bool.
     unknown
         Patches and ridges without a sliding node that may have Dirichlet values, (p + r,) bool.
     rate
@@ -111,7 +105,6 @@ class SolidFunctional:
     dirichlet: Mask
     held: Mask
     driven: Mask
-    slides: Mask
     unknown: Mask
     rate: Floats
     comparable: bool
@@ -157,12 +150,9 @@ class SolidFunctional:
         rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
-        barred = held | on.dirichlet | (ritz.order > 1) | (applied_field(ritz.surface) is None)
-        barred[:patches] |= outer_patches(tet, patches)
         held[:patches] |= driven
         held[patches:] |= ridges_at(surfaces, held[:patches])
         held[patches:] |= at_curved & (on.dirichlet & ~followed)[patches:]
-        slides = sliding_places(surfaces, driven, barred, held)
         same_space = not (
             uncounted.any()
             or (ritz.order == 2 and curved.any())
@@ -173,7 +163,7 @@ class SolidFunctional:
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
         data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
-        places, comparable = (on.dirichlet, held, driven, slides, on.unknown, on.rate), ritz.comparable and same_space
+        places, comparable = (on.dirichlet, held, driven, on.unknown, on.rate), ritz.comparable and same_space
         return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
 
     @classmethod
@@ -193,11 +183,7 @@ class SolidFunctional:
 
     @property
     def is_approximate(self) -> bool:
-        return self.has_varying_source or bool(self.faces.counted.any() or self.slides.any())
-
-    @property
-    def applied_field(self) -> AppliedField | None:
-        return applied_field(self.ritz.surface)
+        return self.has_varying_source or bool(self.faces.counted.any())
 
     @property
     def has_varying_source(self) -> bool:
@@ -206,15 +192,12 @@ class SolidFunctional:
     def trial(self, values: Floats, fixed: Mask, surface: Floats = NO_SURFACE) -> Trial:
         """Return the function for the kernels, which change `values` (n,) in place.
 
-        A varying source is 0 until `sample_source`. `surface` has offsets and loads, (n, 2), or no rows. Where nodes
-        slide in an applied field it needs `start_field`.
+        A varying source is 0 until `sample_source`. `surface` has offsets and loads, (n, 2), or no rows.
         """
         laws = Laws(self.law, self.tables.first, self.tables.energy)
         source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
-        loaded = self.slides[: self.patches]
-        applied = np.zeros((len(values) if loaded.any() else 0, NO_APPLIED.shape[1]))
-        patches = self.faces.counted, self.faces.follows, loaded
-        return Trial(values, fixed, self.data, laws, self.rate, *patches, source, surface, applied)
+        patches = self.faces.counted, self.faces.follows
+        return Trial(values, fixed, self.data, laws, self.rate, *patches, source, surface)
 
     def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
         # A varying source per node and region is weighted by the shape function, so that nodal loads are exact.
@@ -232,14 +215,13 @@ class SolidFunctional:
 
     def freedom(self, freedom: Freedom, fixed: Mask, surface: Floats = NO_SURFACE) -> Freedom:
         number = freedom.number
-        held, slides = freedom.pinned | ((number == INSIDE) & fixed), np.zeros(len(number), bool)
+        held = freedom.pinned | ((number == INSIDE) & fixed)
         for kind, first in ((ON_PATCH, 0), (ON_RIDGE, self.patches)):
             rows = number == kind
             place = freedom.place[rows] + first
-            slides[rows] = self.slides[place]
-            held[rows] |= (self.held[place] & ~slides[rows]) | (fixed[rows] & ~self.dirichlet[place])
+            held[rows] |= self.held[place] | (fixed[rows] & ~self.dirichlet[place])
         if len(surface):
-            held |= (surface[:, LOAD] != 0.0) & ~slides
+            held |= surface[:, LOAD] != 0.0
         return freedom._replace(number=np.where(held, HELD, number).astype(number.dtype))
 
     def value(self, tetrahedralization: Tetrahedralization, trial: TrialFunction) -> float:

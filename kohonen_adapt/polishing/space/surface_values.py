@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of
 from kohonen_adapt.polishing.energy_tables import LINEAR
 from kohonen_adapt.problem.boundary_terms import corner_values
 
-__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "outer_patches", "ridges_at", "sides_of", "with_loads"]
+__all__ = ["EDGES_OF_FACES", "DirichletValues", "dirichlet_on", "ridges_at", "sides_of", "with_loads"]
 
 # Edges of the face opposite to each corner, (4, 3).
 EDGES_OF_FACES = np.array([np.flatnonzero((EDGES[:, :2] != k).all(axis=1)) for k in range(4)])
@@ -80,10 +80,6 @@ def sides_of(tet: Tetrahedralization, surfaces: Surfaces, reduced: Mask) -> tupl
     ]
     whole = count[0] & ~count[1]
     return count[0] & count[1], np.append(whole, np.append(whole, True)[surfaces.meets].all(axis=1))
-
-
-def outer_patches(tet: Tetrahedralization, patches: int) -> Mask:
-    return np.bincount(tet.elements.patch[tet.used][tet.elements.neighbour[tet.used] < 0], minlength=patches) > 0
 
 
 def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches: int) -> Mask:

@@ -12,16 +12,14 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.functionals import substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, OFFSET, ON_PATCH, POSITION, VALUE
+from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, ON_PATCH, POSITION, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, corner_of, star_quality
-from kohonen_adapt.kernels.tetrahedron.polish.applied_field import follows_field, rise_at
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import has_curves, slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers
 from kohonen_adapt.kernels.tetrahedron.polish.star import (
     EDGES_FROM,
-    STEP,
     derivatives_order2,
     gradient_by_differences,
     has_law,
@@ -33,13 +31,10 @@ from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance, slid, ta
 from kohonen_adapt.kernels.vectors import (
     ZERO,
     ZEROS,
-    between,
     combined,
     divided,
     dot,
     minus,
-    norm,
-    plus,
     plus_products,
     plus_square,
     plus_times,
@@ -77,18 +72,16 @@ def move_node(mesh, trial, quadratic, v, floor):
     The value of the node changes, and at order 2 the coefficients of the edges.
     """
     freedom, x = mesh.constraints.freedom, point(mesh.position, v)
-    held, follows = freedom.number[v] == HELD, follows_field(trial, v)
-    given = trial.fixed[v]
+    held, given = freedom.number[v] == HELD, trial.fixed[v]
     if quadratic is None:
         curved = has_slivers(mesh, trial, v)
-        held = held or (curved and follows)
         if given and held:
             return 0.0
     else:
         curved = not held and has_curves(quadratic.block, v)
         if not number_star(mesh, quadratic, v):
             return 0.0
-    level = BLOCK if held or follows else POSITION
+    level = BLOCK if held else POSITION
     sizes, gradient, by_w, hessian, mixed, ww = star_of(mesh, trial, quadratic, v, x, 0.0, level, curved)
     magnitude, total, least, before, nonlinear = sizes
     if not least < np.inf:  # of elements that fold
@@ -103,10 +96,7 @@ def move_node(mesh, trial, quadratic, v, floor):
     further, w = 0.0, start
     if not held:
         rate = point(trial.rate, rates_row(mesh.constraints, v)) if given else divided(mixed, -ww)
-        if follows:
-            rate, (gradient, hessian) = ZERO, differences(mesh, trial, quadratic, v, start)
-        else:
-            gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
+        gradient, hessian = follow_value(gradient, by_w, hessian, mixed, ww, rate)
         if freedom.number[v] != INSIDE:
             gradient, hessian = tangential(mesh, v, gradient, hessian)
         now = total - gain
@@ -116,7 +106,7 @@ def move_node(mesh, trial, quadratic, v, floor):
             if curved:
                 now, gradient = now + slivers_at(mesh, quadratic, v), gradient_by_differences(mesh, trial, quadratic, v)
         step = newton_step(gradient, hessian)
-        if follows or -dot(step, gradient) > ROUNDING * magnitude:
+        if -dot(step, gradient) > ROUNDING * magnitude:
             kind = given, nonlinear, curved
             now, limits = (now, ROUNDING * magnitude), (before, floor)
             further, w = search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind)
@@ -165,8 +155,6 @@ def search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind):
         if turn_allowed(mesh, v, kind[2], y):
             least, w, change = least_at(mesh, trial, quadratic, v, y, start + dot(rate, minus(y, x)), limits, kind)
             if now[0] - least > now[1]:
-                if quadratic is None and follows_field(trial, v):
-                    trial.surface[v, OFFSET] -= rise_at(mesh, trial, v, y)
                 put(mesh.position, v, y)
                 if quadratic is not None:
                     take_correction(quadratic.block, change)
@@ -248,33 +236,6 @@ def change_star(mesh, quadratic, v):
         for i in range(3):
             if block.dof[row - begin, 4 + i] >= 0:
                 modes.side[e, EDGES_FROM[k, i], 0] += block.correction[block.dof[row - begin, 4 + i]]
-
-
-@inner_kernel
-def differences(mesh, trial, quadratic, v, w):
-    # Return the gradient and Hessian of the functional by the position of v, with the best value near w. At order 2 no
-    # node follows a field, and the stars of order 1 are not compiled.
-    if quadratic is not None:
-        return ZERO, ZEROS
-    x = point(mesh.position, v)
-    h = STEP * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
-    i, j, k = (h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)
-    now = least_near(mesh, trial, v, x, w)
-    right, left = least_near(mesh, trial, v, plus(x, i), w), least_near(mesh, trial, v, minus(x, i), w)
-    far, near = least_near(mesh, trial, v, plus(x, j), w), least_near(mesh, trial, v, minus(x, j), w)
-    above, below = least_near(mesh, trial, v, plus(x, k), w), least_near(mesh, trial, v, minus(x, k), w)
-    xy = least_near(mesh, trial, v, plus(plus(x, i), j), w) - right - far + now
-    xz = least_near(mesh, trial, v, plus(plus(x, i), k), w) - right - above + now
-    yz = least_near(mesh, trial, v, plus(plus(x, j), k), w) - far - above + now
-    xx, yy, zz = right - 2.0 * now + left, far - 2.0 * now + near, above - 2.0 * now + below
-    return times(0.5 / h, (right - left, far - near, above - below)), times(1.0 / (h * h), (xx, xy, xz, yy, yz, zz))
-
-
-@inner_kernel
-def least_near(mesh, trial, v, x, w):
-    # by one Newton step of the value from w
-    sizes, _, by_w, _, _, ww = star_of(mesh, trial, None, v, x, w, BLOCK, False)
-    return sizes[1] - 0.5 * by_w * by_w / ww
 
 
 @inner_kernel

@@ -23,7 +23,7 @@ import numpy as np
 from kohonen_adapt.kernels.functionals import eliminate, energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, POSITION, REDUCED, TWELFTH_COEFFICIENT, UNKNOWNS, VALUE
+from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, POSITION, TWELFTH_COEFFICIENT, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
     OPPOSITE,
@@ -33,7 +33,6 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     others,
     sum_of_squares,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.applied_field import follows_field, rise_at, work_around
 from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import follow_surfaces, slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy import less_shift, sixth_flux, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
@@ -69,10 +68,10 @@ EDGES_FROM = EDGE_OF[ORDERS[:, EDGES[:, 0]], ORDERS[:, EDGES[:, 1]]]  # edges be
 
 
 @inner_kernel
-def derivatives(mesh, trial, v, x, w, rise, wanted):
+def derivatives(mesh, trial, v, x, w, wanted):
     """Return the functional of order 1 of the star of v at x, and derivatives.
 
-    The value of v is changed by w, in reduced regions by w + rise. Returned are (sum of magnitudes, value, worst cubed
+    The value of v is changed by w. Returned are (sum of magnitudes, value, worst cubed
     quality, True if nonlinear), the gradient by (x, y, z), by w, the Hessian by (xx, xy, xz, yy, yz, zz), by (xw, yw,
     zw), and by ww. Derivatives by place are those of the level POSITION only. Values are relative to the value of v,
     which shifts the load by a constant, because moves do not change the volume of the star in any region.
@@ -85,8 +84,7 @@ def derivatives(mesh, trial, v, x, w, rise, wanted):
         i, j, k = others(star, row)
         region = mesh.elements.region[star.element[row]]
         a, b, c = from_to(x, position, i), from_to(x, position, j), from_to(x, position, k)
-        change, law = w + data[region, REDUCED] * rise, trial.laws.number[region]
-        own = value_at(trial, region, v) + change
+        law, own = trial.laws.number[region], value_at(trial, region, v) + w
         alpha, beta = value_at(trial, region, i) - own, value_at(trial, region, j) - own
         gamma = value_at(trial, region, k) - own
         p, q, r = cofactors(a, b, c)
@@ -113,7 +111,7 @@ def derivatives(mesh, trial, v, x, w, rise, wanted):
             energy = per_volume * six
         load, flux = source_around(trial, region, v), sixth_flux(trial, region)
         around, volume = alpha + beta + gamma, weight * six
-        pull, push = load * six * (around + 4.0 * change), dot(flux, n)
+        pull, push = load * six * (around + 4.0 * w), dot(flux, n)
         magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
         by_w += plus_dot(volume * g_w - load * six, flux, s)
@@ -177,16 +175,9 @@ def place(mesh, block, v, x, value, curved):
 
 @inner_kernel
 def star_of_order_1(mesh, trial, v, x, w, wanted, curved):
-    rise = rise_at(mesh, trial, v, x)
-    (magnitude, total, worst, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(
-        mesh, trial, v, x, w, rise, wanted
-    )
+    (magnitude, total, worst, nonlinear), gradient, by_w, hessian, mixed, ww = derivatives(mesh, trial, v, x, w, wanted)
     if trial.surface.shape[0] > 0:
-        total, by_w = total - trial.surface[v, LOAD] * (w + rise), by_w - trial.surface[v, LOAD]
-    if follows_field(trial, v):
-        work, work_by_w = work_around(mesh, trial, v, x, w + rise)
-        total, by_w = total - work, by_w - work_by_w
-        nonlinear = True
+        total, by_w = total - trial.surface[v, LOAD] * w, by_w - trial.surface[v, LOAD]
     if curved:
         more = slivers_around(mesh, trial, v, x, w)
         total, by_w, ww = plus((total, by_w, ww), more)
