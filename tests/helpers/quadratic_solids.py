@@ -108,12 +108,3 @@ class NonlinearQuadratic(QuadraticDiffusion):
         load = LinearForm(lambda v, w: dot(field - g, grad(v)) - f * v).assemble(basis)
         second = BilinearForm(lambda u, v, w: np.einsum("i...,ij...,j...", grad(u), tensor, grad(v)))
         return load, second.assemble(basis)
-
-
-def slivers(descent):
-    """What quadratic faces cut off curved surfaces, in a descent of order 2."""
-    elements, trial = descent.opened.mesh.elements, descent.trial
-    used = elements.node[:, 0] >= 0
-    local = np.hstack([trial.value[elements.node[used]], descent.modes.side[used, :, 0]])
-    offset = descent.curves.on(elements.node[used].T)
-    return descent.functional.faces.value_of_order_2(descent.opened.mesh.position, elements, local.T, offset)

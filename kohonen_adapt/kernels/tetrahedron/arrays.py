@@ -226,7 +226,6 @@ class SolidBlock(NamedTuple):
     curve_start: Array  # (n + 1,) int32: first curved edge of every node
     curve_end: Array  # (k,) int32: far end of every curved edge, each edge twice
     curve_offset: Array  # (k, 3): midside offset of every curved edge
-    curve_place: Array  # (k,) int32: patch, or ridge after the patches, that the edge follows, -1 for none
     curve_point: Array  # (q, 4): barycentric coordinates of the quadrature points of curved elements without a law
     curve_weight: Array  # (q,): weights with sum 1
     offset: Array  # (6, 3): midside offsets of an element

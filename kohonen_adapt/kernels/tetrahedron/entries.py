@@ -51,7 +51,7 @@ TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
     (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2)
-    + (I1, I1, R2, I1, R2, R1, R2, R2, R2),  # of curved edges
+    + (I1, I1, R2, R2, R1, R2, R2, R2),  # of curved edges
 )
 MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
 QUADRATIC = record_type(arrays.Quadratic, (TRIAL, MODES, B1, SOLID_BLOCK))

@@ -4,17 +4,15 @@ A P1 function on a mesh whose faces are inscribed in a sphere, cylinder or cone 
 The functional of the true domain is that of the mesh plus, for every sliver, ``S = volume (psi_true -
 psi_face)(grad u)``, with the gradient of the element that covers the sliver or is extended into the sliver. A
 linear Dirichlet function on an outer surface is extended as given. The polish adds ``S + |S|``, as
-`kernels/tetrahedron/polish/slivers.py` explains. At order 2 faces are quadratic, and S is that of
-`kernels/tetrahedron/polish/curved_order2.py`.
+`kernels/tetrahedron/polish/slivers.py` explains. At order 2 nodes on curved surfaces stay.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
-from skfem import MeshTet
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Int32s, Ints, Mask
+from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.patches import Patches
 from kohonen_adapt.geometry.space.projection import midpoints_of_edges
@@ -22,18 +20,14 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     CONE,
     CYLINDER,
     NO_SURFACE,
-    ON_RIDGE,
-    PLANE,
     SPHERE,
     SolidBlock,
     Tetrahedra,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import FACE_POINTS, FACE_WEIGHTS
 from kohonen_adapt.mesh.cells import TETRAHEDRON, normals
-from kohonen_adapt.mesh.curved import offsets_of_sides, tangent_corners
-from kohonen_adapt.mesh.elements.functions import hierarchical
+from kohonen_adapt.mesh.curved import offsets_of_sides
 from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_RULE_IN_SPACE
-from kohonen_adapt.mesh.host import edges_between, keys_of
+from kohonen_adapt.mesh.host import keys_of
 from kohonen_adapt.mesh.measures import EDGES
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization, faces_of, faces_on
 from kohonen_adapt.problem.boundary_terms import corner_values, reduced_regions
@@ -71,14 +65,6 @@ class CurvedFaces:
     counted: Mask
     follows: Mask
     rate: Floats
-
-    @classmethod
-    def of_order_2(
-        cls, patches: Patches, ritz: Ritz, number: Ints, free: Mask, dirichlet: Mask, rate: Floats, curved: bool
-    ) -> "CurvedFaces":
-        # `free` selects patches without Dirichlet values, or with a constant one
-        counted = free & np.isin(patches.shape, ROUND) & (curved and not callable(ritz.source))
-        return cls(patches, ritz, number, counted, counted & dirichlet, rate)
 
     @classmethod
     def of(
@@ -137,39 +123,6 @@ class CurvedFaces:
         own_density, _ = integrand(slope, own, self.ritz)
         return float(2.0 * volume @ np.maximum(np.where(outer, change - own_density, own_density), 0.0))
 
-    def value_of_order_2(self, position: Floats, elements: Tetrahedra, coefficients: Floats, offset: Floats) -> float:
-        # The sum of S + abs(S) of `curved_order2` over all faces. Of the elements in use are coefficients (10, m) and
-        # midside offsets (3, 6, m).
-        used, found = np.flatnonzero(elements.node[:, 0] >= 0), np.zeros(elements.node.shape)
-        for k in range(4 if self.counted.any() else 0):
-            rows = np.flatnonzero(np.append(self.counted, False)[elements.patch[used, k]])
-            corners, offsets = position.T[:, elements.node[used[rows]].T], offset[:, :, rows]
-            own = coefficients[:, rows]
-            region, patch = self.number[elements.region[used[rows]]], elements.patch[used[rows], k]
-            at = np.insert(FACE_POINTS, k, 0.0, axis=1)
-            for point, weight, value, rate in zip(at, FACE_WEIGHTS, *by_points(at), strict=True):
-                tangent = tangent_corners(corners, offsets, point[:, None])
-                x = 0.5 * np.einsum("k,dkm->dm", point, tangent + corners)
-                move = self.patches.project(patch, x.T).T - x
-                hats = TETRAHEDRON.hat_gradients(tangent)
-                normal = -0.5 * TETRAHEDRON.determinant(tangent) * hats[:, k]
-                slope = np.einsum("dcm,cm->dm", hats[:, 1:], rate.T @ own)
-                source = constants_at(self.ritz.source, region) * (value @ own)
-                density, field = integrand(slope, region, self.ritz)
-                across = np.sum(field * normal, axis=0) * np.sum(slope * move, axis=0)
-                found[used[rows], k] += weight * ((density - source) * np.sum(move * normal, axis=0) - across)
-        e, faces = faces_on(elements, self.counted)
-        across = elements.neighbour[e, faces]
-        back = np.argmax(elements.neighbour[across] == e[:, None], axis=1)
-        total = found[e, faces] + np.where(across >= 0, found[across, back], 0.0)
-        return float(np.sum((total + np.abs(total))[(across < 0) | (e < across)]))
-
-
-def by_points(barycentric: Floats) -> FloatsPair:
-    # values (q, 10) and slopes (q, 10, 3) of the functions of order 2
-    values, slopes = hierarchical(barycentric, 2)
-    return values.T, np.moveaxis(slopes, 2, 0)
-
 
 def is_outside(position: Floats, elements: Tetrahedra, patches: Patches, e: Ints, k: Ints) -> Mask:
     nodes = faces_of(elements, e, k)
@@ -191,24 +144,22 @@ class CurvedEdges(NamedTuple):
     start: Int32s  # (n + 1,)
     end: Int32s  # (k,)
     offset: Floats  # (k, 3)
-    place: Int32s  # (k,)
 
     @classmethod
     def of(cls, movable: MovableSolid, nodes: int) -> "CurvedEdges":
         # for up to `nodes` nodes
         if not movable.curved:
             none = np.zeros(0, np.int32)
-            return cls(np.zeros(1, np.int32), none, np.zeros((0, 3)), none)
-        mesh, straight, _ = movable.curved_mesh()
-        offset, place = offsets_of_sides(mesh), np.where(straight, -1, places_of_edges(movable, mesh))
-        rows = np.flatnonzero(offset.any(axis=0) | (place >= 0))
+            return cls(np.zeros(1, np.int32), none, np.zeros((0, 3)))
+        mesh, _, _ = movable.curved_mesh()
+        offset = offsets_of_sides(mesh)
+        rows = np.flatnonzero(offset.any(axis=0))
         one, other = mesh.edges[:, np.append(rows, rows)]
         one[rows.size :], other[rows.size :] = mesh.edges[::-1, rows]
         order = np.lexsort((other, one))
         start = np.searchsorted(one[order], np.arange(nodes + 1)).astype(np.int32)
         edge = np.append(rows, rows)[order]
-        end, own = other[order].astype(np.int32), np.ascontiguousarray(offset[:, edge].T)
-        return cls(start, end, own, place[edge].astype(np.int32))
+        return cls(start, other[order].astype(np.int32), np.ascontiguousarray(offset[:, edge].T))
 
     def on(self, node: Ints) -> Floats:
         # of elements with nodes (4, m), (3, 6, m)
@@ -223,23 +174,5 @@ class CurvedEdges(NamedTuple):
     def copy(self) -> Self:
         return self._replace(offset=self.offset.copy())
 
-    def at_nodes(self, count: int) -> Mask:
-        return np.diff(self.start) > 0 if self.end.size else np.zeros(count, bool)
-
     def block(self) -> SolidBlock:
         return SolidBlock.of(*LAW_RULE_IN_SPACE, self, CURVED_RULE_IN_SPACE)
-
-
-def places_of_edges(movable: MovableSolid, mesh: MeshTet) -> Ints:
-    # The curved patch of every edge, (nedges,), or the ridge of an edge on several patches, numbered after the patches.
-    # -1 without a curved patch, and between two corners.
-    patches, freedom, elements = movable.patches, movable.freedom, movable.tetrahedralization.elements
-    e, k = np.nonzero((elements.patch >= 0) & (elements.node[:, :1] >= 0))
-    nodes, count = faces_of(elements, e, k), len(patches.shape)
-    edge = edges_between(mesh, nodes, np.roll(nodes, -1, axis=1))
-    edge, patch = np.divmod(np.unique(edge * np.int64(count) + elements.patch[e, k][:, None]), count)
-    found, curved = np.full(mesh.edges.shape[1], -1), patches.shape[patch] != PLANE
-    found[edge[curved]] = patch[curved]
-    ridge = np.where(freedom.number == ON_RIDGE, freedom.place + count, -1)[mesh.edges].max(axis=0)
-    several = (np.bincount(edge, minlength=len(found)) > 1) & (found >= 0)
-    return np.where(several, ridge, found)

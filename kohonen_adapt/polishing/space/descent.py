@@ -238,7 +238,7 @@ class SpaceDescent:
     def weigh(self, nodes: Ints) -> Plan:
         mesh, patches = self.opened.mesh, slice(self.functional.patches)
         freedom = self.functional.freedom(mesh.freedom, self.trial.fixed, self.trial.surface)
-        removable = (freedom.number != HELD) & (mesh.pool.anchor >= 0) & ~self.curves.at_nodes(len(mesh.position))
+        removable = (freedom.number != HELD) & (mesh.pool.anchor >= 0)
         lone = self.trial.fixed & ~on_patches(mesh, self.functional.dirichlet[patches] | self.functional.driven)
         is_open = ~(self.functional.held | self.functional.dirichlet)[patches]
         offers = empty_offers(mesh, is_open if self.modes is None else self.free_planes(), removable, lone)

@@ -75,9 +75,9 @@ class SolidFunctional:
         Patches and ridges with Dirichlet values, (p + r,) bool.
     held
         Patches and ridges whose nodes do not slide and are not recycled, (p + r,) bool: patches with offsets or loads,
-        curved patches whose slivers are not counted, Dirichlet values that are not linear or not on all nodes, at
-        order 2 not constant beside curved patches, and patches without an inner node whose nodes all have Dirichlet
-        values, which may or may not be Dirichlet patches. Ridges of held patches are held.
+        curved patches whose slivers are not counted, as all at order 2, Dirichlet values that are not linear or not on
+        all nodes, and patches without an inner node whose nodes all have Dirichlet values, which may or may not be
+        Dirichlet patches. Ridges of held patches are held.
     driven
         Patches with offsets or loads, (p,) bool.
     unknown
@@ -142,20 +142,17 @@ class SolidFunctional:
         patches, curved = len(surfaces.shape), surfaces.shape != PLANE
         if len(nodal):
             driven |= with_loads(tet, movable.freedom, solution.surface, patches)
-        followed = on.linear & ((ritz.order == 1) | ~on.rate.any(axis=1))  # at order 2 constant ones
-        free = (~on.unknown & (~on.dirichlet | followed))[:patches] & ~driven
-        parts = movable.patches, ritz, number, free, on.dirichlet[:patches], on.rate[:patches]
-        faces = CurvedFaces.of(tet, *parts) if ritz.order == 1 else CurvedFaces.of_order_2(*parts, movable.curved)
+        free = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & ~driven & (ritz.order == 1)
+        faces = CurvedFaces.of(tet, movable.patches, ritz, number, free, on.dirichlet[:patches], on.rate[:patches])
         at_curved = ridges_at(surfaces, curved)
         rims = (surfaces.ridge_shape != LINE) & ~at_curved
         uncounted = np.append(curved & ~faces.counted, rims)
         held = uncounted | (on.dirichlet & ~on.linear) | on.unknown
         held[:patches] |= driven
         held[patches:] |= ridges_at(surfaces, held[:patches])
-        held[patches:] |= at_curved & (on.dirichlet & ~followed)[patches:]
+        held[patches:] |= at_curved & (on.dirichlet & ~on.linear)[patches:]
         same_space = not (
             uncounted.any()
-            or (ritz.order == 2 and curved.any())
             or np.any(on.dirichlet & ~on.linear)
             or np.any(solution.fixed & (movable.freedom.number == INSIDE))
             or np.any(nodal[:, OFFSET])
@@ -236,8 +233,7 @@ class SolidFunctional:
         if trial.modes is not None:  # without the work of loads, whose values do not change
             coefficients = np.vstack([on_corners, trial.modes.side[used, :, 0].T])
             offset = np.zeros((3, 6, node.shape[1])) if curves is None else curves.on(node)
-            own = value_on(position.T[:, node], coefficients, number, self.ritz, offset)
-            return own + self.faces.value_of_order_2(position, elements, coefficients, offset)
+            return value_on(position.T[:, node], coefficients, number, self.ritz, offset)
         own = value_on(position.T[:, node], on_corners, number, self.ritz) - surface_work(values, trial.surface)
         return own + self.faces.value(position, elements, values, trial.surface)
 

@@ -15,14 +15,11 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, HELD, INSIDE, ON_PATCH, POSITION, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import allowed, corner_of, star_quality
 from kohonen_adapt.kernels.tetrahedron.polish.cavity_order2 import add_correction
-from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import has_curves, slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy import ROUNDING
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import has_slivers
 from kohonen_adapt.kernels.tetrahedron.polish.star import (
     EDGES_FROM,
     derivatives_order2,
-    gradient_by_differences,
-    has_law,
     number_star,
     place,
     star_of,
@@ -73,14 +70,12 @@ def move_node(mesh, trial, quadratic, v, floor):
     """
     freedom, x = mesh.constraints.freedom, point(mesh.position, v)
     held, given = freedom.number[v] == HELD, trial.fixed[v]
+    curved = quadratic is None and has_slivers(mesh, trial, v)
     if quadratic is None:
-        curved = has_slivers(mesh, trial, v)
         if given and held:
             return 0.0
-    else:
-        curved = not held and has_curves(quadratic.block, v)
-        if not number_star(mesh, quadratic, v):
-            return 0.0
+    elif not number_star(mesh, quadratic, v):
+        return 0.0
     level = BLOCK if held else POSITION
     sizes, gradient, by_w, hessian, mixed, ww = star_of(mesh, trial, quadratic, v, x, 0.0, level, curved)
     magnitude, total, least, before, nonlinear = sizes
@@ -103,8 +98,6 @@ def move_node(mesh, trial, quadratic, v, floor):
         if quadratic is not None:
             before = star_quality(mesh.position, mesh.star, v, x, -np.inf)
             rate = rate if given else ZERO
-            if curved:
-                now, gradient = now + slivers_at(mesh, quadratic, v), gradient_by_differences(mesh, trial, quadratic, v)
         step = newton_step(gradient, hessian)
         if -dot(step, gradient) > ROUNDING * magnitude:
             kind = given, nonlinear, curved
@@ -160,7 +153,7 @@ def search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind):
                     take_correction(quadratic.block, change)
                 return now[0] - least, w
             if quadratic is not None:
-                place(mesh, quadratic.block, v, x, own, kind[2])
+                place(mesh, quadratic.block, v, x, own)
         step = times(0.5, step)
     return 0.0, start
 
@@ -178,7 +171,7 @@ def least_at(mesh, trial, quadratic, v, y, w, limits, kind):
         worst = star_quality(mesh.position, mesh.star, v, y, min(limits[1], limits[0]))
         if not allowed(worst, *limits):
             return np.inf, w, 0.0
-        place(mesh, quadratic.block, v, y, quadratic.block.local[0, 0] + w, curved)
+        place(mesh, quadratic.block, v, y, quadratic.block.local[0, 0] + w)
     sizes, _, by_w, _, _, ww = star_of(mesh, trial, quadratic, v, y, w, BLOCK, curved)
     least, change = sizes[2], 0.0 if given else -by_w / ww
     least -= 0.5 * change * change * ww
@@ -190,11 +183,9 @@ def least_at(mesh, trial, quadratic, v, y, w, limits, kind):
             if not least < sizes[1]:
                 return sizes[1], w, 0.0
         return least, w + change, 0.0
-    if nonlinear and least < np.inf and has_law(mesh, trial, v):
+    if nonlinear and least < np.inf:
         take_correction(quadratic.block, change)
         least = corrected(mesh, quadratic, v)
-    if curved:
-        least += slivers_at(mesh, quadratic, v)
     return least, w, change
 
 

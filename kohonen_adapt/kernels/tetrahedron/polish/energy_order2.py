@@ -12,7 +12,7 @@ coefficients follow without quadrature. If corner 0 moves by d and all coefficie
     E(d) = c D / 2 ((1 + s) tr P - 2 g_0 . P d + |g_0|^2 d . P d / (1 + s)) - (source and flux, linear in d),
 
 so the second derivative c D |g_0|^2 P is never negative. Derivatives of order 1 in `star.py` are those of constant
-gradients. `law_order2` has nonlinear laws, `curved_order2` slivers at curved surfaces.
+gradients. `law_order2` has nonlinear laws.
 """
 
 import numpy as np

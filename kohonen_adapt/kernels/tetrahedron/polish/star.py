@@ -33,11 +33,9 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     others,
     sum_of_squares,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.curved_order2 import follow_surfaces, slivers_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy import less_shift, sixth_flux, source_around, value_at
 from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import slivers_around
-from kohonen_adapt.kernels.tetrahedron.surfaces import slid
 from kohonen_adapt.kernels.vectors import (
     ZERO,
     ZEROS,
@@ -135,40 +133,27 @@ def derivatives(mesh, trial, v, x, w, wanted):
 
 
 @inner_kernel
-def gradient_by_differences(mesh, trial, quadratic, v):
-    """Return the gradient of the slivers at v.
-
-    At order 2 the gradient is that of the whole star along the surface, since edges follow.
-    """
+def gradient_of_slivers(mesh, trial, v):
     h = STEP * norm(between(mesh.position, v, mesh.star.link[mesh.star.start[v], 0]))
     x, y, z = (h, 0.0, 0.0), (0.0, h, 0.0), (0.0, 0.0, h)
     return times(
         0.5 / h,
         (
-            level_after(mesh, trial, quadratic, v, x) - level_after(mesh, trial, quadratic, v, times(-1.0, x)),
-            level_after(mesh, trial, quadratic, v, y) - level_after(mesh, trial, quadratic, v, times(-1.0, y)),
-            level_after(mesh, trial, quadratic, v, z) - level_after(mesh, trial, quadratic, v, times(-1.0, z)),
+            slivers_after(mesh, trial, v, x) - slivers_after(mesh, trial, v, times(-1.0, x)),
+            slivers_after(mesh, trial, v, y) - slivers_after(mesh, trial, v, times(-1.0, y)),
+            slivers_after(mesh, trial, v, z) - slivers_after(mesh, trial, v, times(-1.0, z)),
         ),
     )
 
 
 @inner_kernel
-def level_after(mesh, trial, quadratic, v, step):
-    before = point(mesh.position, v)
-    if quadratic is None:
-        return slivers_around(mesh, trial, v, plus(before, step), 0.0)[0]
-    block = quadratic.block
-    place(mesh, block, v, slid(mesh.position, mesh.constraints, v, step), block.local[0, 0], True)
-    level = derivatives_order2(mesh, quadratic, v, VALUE)[1] + slivers_at(mesh, quadratic, v)
-    place(mesh, block, v, before, block.local[0, 0], True)
-    return level
+def slivers_after(mesh, trial, v, step):
+    return slivers_around(mesh, trial, v, plus(point(mesh.position, v), step), 0.0)[0]
 
 
 @inner_kernel
-def place(mesh, block, v, x, value, curved):
+def place(mesh, block, v, x, value):
     put(mesh.position, v, x)
-    if curved:
-        follow_surfaces(mesh.position, mesh.constraints.surfaces, block, v)
     for row in range(mesh.star.start[v + 1] - mesh.star.start[v]):
         block.local[row, 0] = value
 
@@ -183,7 +168,7 @@ def star_of_order_1(mesh, trial, v, x, w, wanted, curved):
         total, by_w, ww = plus((total, by_w, ww), more)
         magnitude, nonlinear = magnitude + abs(more[0]), True  # the material across a face may be nonlinear
         if wanted == POSITION:
-            gradient = plus(gradient, gradient_by_differences(mesh, trial, None, v))
+            gradient = plus(gradient, gradient_of_slivers(mesh, trial, v))
     return (magnitude, total, total, worst, nonlinear), gradient, by_w, hessian, mixed, ww
 
 
@@ -246,11 +231,11 @@ def has_law(mesh, trial, v):
 
 
 @inner_kernel
-def star_of_order_2(mesh, quadratic, v, wanted, curved):
+def star_of_order_2(mesh, quadratic, v, wanted):
     block, count = quadratic.block, quadratic.block.unknowns[0]
     magnitude, total, gradient, hessian = derivatives_order2(mesh, quadratic, v, wanted)
     columns, square = 3 if wanted == POSITION else 0, 0.0
-    nonlinear = curved or has_law(mesh, quadratic.trial, v)
+    nonlinear = has_law(mesh, quadratic.trial, v)
     solved = total < np.inf and eliminate(block.stiffness, block.rest, block.mixed, columns, 0, count)[0]
     for i in range(1, count if solved else 1):
         rest, mixed = block.rest[i], point(block.mixed, i)
@@ -271,4 +256,4 @@ def star_of(mesh, trial, quadratic, v, x, w, wanted, curved):
     """
     if quadratic is None:
         return star_of_order_1(mesh, trial, v, x, w, wanted, curved)
-    return star_of_order_2(mesh, quadratic, v, wanted, curved)
+    return star_of_order_2(mesh, quadratic, v, wanted)
