@@ -174,9 +174,9 @@ def adapt(
     anisotropic
         True to give elements the directions of the solution, by the metric of `metric_from_hessian` or of the method
         ``metric`` of the problem. ``"auto"`` takes a metric of the problem, and recovered directions if the values of
-        the solution are known and directions promise to lower the error by a tenth. It does neither with a goal nor
-        with ``topology="fixed"``, on tetrahedra not with a tolerance. False gives elements the same length in all
-        directions before the polish.
+        the solution are known and, in the plane, directions promise to lower the error by a tenth. It does neither
+        with a goal nor with ``topology="fixed"``, on tetrahedra not with a tolerance. False gives elements the same
+        length in all directions before the polish.
     max_nodes
         Largest number of nodes that a tolerance leads to, by default 200 000.
 
