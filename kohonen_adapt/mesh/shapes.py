@@ -18,6 +18,7 @@ __all__ = [
     "are_round",
     "checked_tensors",
     "density_and_shape",
+    "determinants",
     "eigenvectors",
     "logarithms",
     "mean_shapes",

@@ -14,7 +14,7 @@ from kohonen_adapt.mesh.cells import cell_of, centroids_of, corner_positions
 from kohonen_adapt.mesh.curved import corners_of
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import regions_of
-from kohonen_adapt.mesh.shapes import eigenvectors, packed, unpacked
+from kohonen_adapt.mesh.shapes import determinants, eigenvectors, packed, unpacked
 from kohonen_adapt.mesh.validity import check_mesh
 from kohonen_adapt.som.density import check_order_and_norm, equidistributing, per_element
 from kohonen_adapt.som.derivatives import highest_derivatives
@@ -156,8 +156,16 @@ def gain_of_shapes(shapes: Floats, indicators: Floats, order: int, norm: str) ->
 def error_of_shapes(curvature: Floats, edges: Floats, order: int) -> Floats:
     scaled = curvature @ edges
     once, twice = np.trace(scaled, axis1=1, axis2=2), np.sum(curvature * np.swapaxes(scaled, 1, 2), axis=(1, 2))
-    misfit = MISFIT * np.trace(np.linalg.inv(edges), axis1=1, axis2=2) * once**2
+    misfit = MISFIT * traces_of_inverses(edges) * once**2
     return (twice + misfit) * once ** (order - 1)
+
+
+def traces_of_inverses(tensors: Floats) -> Floats:
+    # of determinant 1: the first or second invariant
+    trace = np.trace(tensors, axis1=1, axis2=2)
+    if tensors.shape[1] == 2:
+        return trace
+    return np.asarray(0.5 * (trace**2 - np.sum(tensors**2, axis=(1, 2))))
 
 
 def edges_of(mesh: Mesh) -> Floats:
@@ -172,7 +180,7 @@ def mean_edges(mesh: Mesh, edges: Floats) -> Floats:
 
 
 def with_unit_determinant(tensors: Floats) -> Floats:
-    return tensors / np.linalg.det(tensors)[:, None, None] ** (1.0 / tensors.shape[1])
+    return tensors / determinants(tensors)[:, None, None] ** (1.0 / tensors.shape[1])
 
 
 def offsets(mesh: Mesh) -> Floats:
