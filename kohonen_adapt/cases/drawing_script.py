@@ -242,8 +242,9 @@ class _Check:
             if self.text(self.after_bracket.get(k + 1, k)) != ";":
                 raise token.error("may print to the terminal only, not to a file.")
         elif token.text == "Field" and self.text(end) == "=" and end > k + 1:
-            if self.text(end + 1) not in FIELDS:
-                raise self.at(end + 1).error("is not a type of field that is known to be harmless.")
+            given = self.tokens[min(end + 1, len(self.tokens) - 1)]  # a drawing may break off
+            if given.text not in FIELDS:
+                raise given.error("is not a type of field that is known to be harmless.")
         elif token.text not in WORDS:
             self.check_name(k)
 

@@ -46,6 +46,7 @@ COMMANDS = [
     "Plugin(MathEval).Run;",
     'Field[1] = ExternalProcess; Field[1].CommandLine = "touch sign"; Background Field = 1;',
     "Field [ 1 ]\n=\nExternalProcess;",
+    "Field[1] =",
     'General.OptionsFileName = "sign"; General.SaveOptions = 1;',
     'Solver.Executable0 = "touch"; Solver.AutoLoadDatabase = 1;',
     'General . TextEditor = "touch sign";',
