@@ -25,7 +25,8 @@ def magnet_mesh(n: int, iron: bool) -> MeshTri:
 
 def named(mesh: MeshTri) -> MeshTri:
     """The mesh with the names of `MagnetOfOrder`: those of `magnet_mesh`, the rest, and the outer boundary."""
-    rest = np.setdiff1d(np.arange(mesh.nelements), np.concatenate([*mesh.subdomains.values()]))
+    parts = [rows for name, rows in mesh.subdomains.items() if name != "rest"]  # refined meshes have that name already
+    rest = np.setdiff1d(np.arange(mesh.nelements), np.concatenate(parts))
     return mesh.with_subdomains({"rest": rest}).with_boundaries({"outer": mesh.boundary_facets()})
 
 
