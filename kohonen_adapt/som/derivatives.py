@@ -23,7 +23,7 @@ MOST_RINGS = 4  # of elements around a node
 ILL_POSED = 10.0  # norm of the inverse of the normal matrix above which a fit needs more nodes, per degree and 1
 RIDGE = 1e-14  # relative to the largest entries, so that no matrix is singular
 BATCH = 1 << 20  # numbers per array of a batch of fits
-ALIKE = 4  # members by which patches of a batch differ at most; separate sizes take four times as long on small meshes
+ALIKE = 4  # members by which patches of a batch differ at most, so that small meshes have few batches
 
 
 class Sites(NamedTuple):
