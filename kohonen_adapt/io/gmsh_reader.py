@@ -41,6 +41,9 @@ Block = tuple[int, Rows]
 HEADER_BYTES = 2**16
 """Bytes that must contain the header, read before the rest."""
 
+ALLOWED_ROWS = 10**6
+"""Rows (one per element and group) allowed in any file; larger files may have two rows per byte."""
+
 TRIANGLE3 = 2
 """Gmsh's number for triangles of three nodes, the only type of triangle with a direction."""
 
@@ -90,7 +93,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
             if f"\n${name}".encode() in data:
                 _entities(section(name), groups, of_parts)
         numbers, points = _nodes_41(section("Nodes"))
-        blocks, meshed = _elements_41(section("Elements"), groups)
+        blocks, meshed = _elements_41(section("Elements"), groups, max(ALLOWED_ROWS, 2 * len(data)))
         highest = max((dimension for dimension, _ in meshed), default=0)
         missing = tuple(sorted(tag for dimension, tag in groups.keys() - meshed if dimension == highest > 1))
     else:
@@ -146,7 +149,9 @@ def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple[list[Block], set[tuple[int, int]]]:
+def _elements_41(
+    section: Numbers, groups: dict[tuple[int, int], Ints], most: int
+) -> tuple[list[Block], set[tuple[int, int]]]:
     blocks, meshed = [], set()
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))
@@ -154,6 +159,9 @@ def _elements_41(section: Numbers, groups: dict[tuple[int, int], Ints]) -> tuple
         table = section.ints(section.integer(SIZE) * width, SIZE).reshape(-1, width)
         meshed.add((dimension, entity))
         tags = groups.get((dimension, entity), ())
+        most -= len(tags) * len(table)
+        if most < 0:
+            raise ValueError("it has elements in more groups than a mesh of its size can need")
         for tag in tags if len(tags) else (0,):
             blocks.append((kind, _with_direction(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed

@@ -331,6 +331,18 @@ def test_numbers_that_are_none(old, new, said, tmp_path):
         ka.read_mesh(tmp_path / "m.msh")
 
 
+def test_an_entity_in_thousands_of_groups(tmp_path):
+    """Two hundred kilobytes that stand for forty million memberships."""
+    groups, count = 2000, 20_000
+    text = ONE.replace(
+        "1 1 0 1 1 0\n$EndEntities", f"1 1 0 {groups} {' '.join(map(str, range(1, 1 + groups)))} 0\n$EndEntities"
+    )
+    elements = "\n".join(f"{number} 1 2 3" for number in range(1, 1 + count))
+    (tmp_path / "m.msh").write_text(text.replace("2 1 2 1\n1 1 2 3", f"2 1 2 {count}\n{elements}"))
+    with pytest.raises(ValueError, match="it has elements in more groups than a mesh of its size can need"):
+        within_memory(lambda: ka.read_mesh(tmp_path / "m.msh"))
+
+
 def mixed_22(binary):
     """Four triangles around a node, their outer sides as lines, by turns, in MSH 2.2."""
     points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)]
