@@ -8,7 +8,7 @@ linear Dirichlet function on an outer surface is extended as given. The polish a
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 
@@ -170,9 +170,6 @@ class CurvedEdges(NamedTuple):
         key = keys_of(node[EDGES], count)
         row = np.searchsorted(known, key).clip(max=known.size - 1)
         return np.where(known[row] == key, self.offset.T[:, row], 0.0)
-
-    def copy(self) -> Self:
-        return self._replace(offset=self.offset.copy())
 
     def block(self) -> SolidBlock:
         return SolidBlock.of(*LAW_RULE_IN_SPACE, self, CURVED_RULE_IN_SPACE)

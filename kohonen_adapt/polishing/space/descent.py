@@ -135,7 +135,7 @@ class SpaceDescent:
         names = ("value", "fixed", "surface")
         trial = self.trial._replace(**{name: getattr(self.trial, name).copy() for name in names})
         modes = self.modes and copied(self.modes)
-        own = replace(self, opened=self.opened.copy(), trial=trial, modes=modes, curves=self.curves.copy())
+        own = replace(self, opened=self.opened.copy(), trial=trial, modes=modes)
         return replace(own, seen=self.seen.copy(), price=self.price.copy(), blocks={})
 
     @property
