@@ -1,11 +1,10 @@
 """Animations of the meshes of an adaptation, and of a map in training."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from io import BytesIO
 from math import ceil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -33,6 +32,13 @@ MOST = 60  # maximum number of frames, which include the first and the last
 HOLD = 1.6  # seconds added to the duration of the last frame, at least
 DOTS = 110  # per inch
 INCHES, MARGIN = 5.0, 0.6  # longer side of the mesh, and the space for the axes
+
+
+@dataclass(frozen=True)
+class View:
+    plane: CutBy | None
+    unit: str
+    axisymmetric: bool = False
 
 
 def animate_passes(
@@ -69,7 +75,7 @@ def animate_passes(
         If the file cannot be written.
     """
     frames = [(step.mesh, f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}") for step in history]
-    _write(Path(path), frames, {"plane": plane, "unit": unit, "axisymmetric": axisymmetric}, seconds)
+    _write(Path(path), frames, View(plane, unit, axisymmetric), seconds)
 
 
 def animate_map(
@@ -122,7 +128,7 @@ def animate_map(
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
         if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
             break
-    _write(Path(path), frames, {"plane": None, "unit": unit}, seconds)
+    _write(Path(path), frames, View(None, unit), seconds)
     return tuple(errors)
 
 
@@ -133,7 +139,7 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
             yield f"radius {stage.radius}, rate {rate:.2g}", replace(schedule, stages=(one,))
 
 
-def _write(path: Path, frames: Sequence[Frame], view: dict[str, Any], seconds: float) -> None:
+def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:
     if not frames:
         raise ValueError("an animation needs a mesh at least; got none.")
     if not seconds > 0.0:
@@ -143,14 +149,14 @@ def _write(path: Path, frames: Sequence[Frame], view: dict[str, Any], seconds: f
         draft.write_bytes(_film([frames[k] for k in chosen.tolist()], view, seconds))
 
 
-def _film(frames: Sequence[Frame], view: dict[str, Any], seconds: float) -> bytes:
-    size = np.ptp(flat(frames[0][0], view["plane"]).mesh.p, axis=1)
+def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
+    size = np.ptp(flat(frames[0][0], view.plane).mesh.p, axis=1)
     width, height = (INCHES * np.clip(size / size.max(), 0.4, 1.0) + MARGIN).tolist()
     figure = Figure(figsize=(width, height), dpi=DOTS, layout="constrained")
     axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
     for mesh, title in frames:
         axes.clear()
-        draw_mesh(axes, mesh, **view)
+        draw_mesh(axes, mesh, plane=view.plane, unit=view.unit, axisymmetric=view.axisymmetric)
         axes.set_title(title, fontsize="medium")
         canvas.draw()
         pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
