@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import centres, circle, closed, peak, ring, shells, square, with_lines
+from helpers.meshes import circle, closed, peak, ring, shells, square, with_lines
 from helpers.own_curves import Ellipse
-from helpers.tensor_meshes import disk
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules
@@ -110,32 +108,6 @@ def test_a_drawing_of_lines_and_arcs_is_recognised_as_drawn(drawing, power, seed
     wanted = wanted[np.lexsort(np.round(wanted[:, 2::-1] / unit, 6).T)]
     assert_allclose(found, wanted, atol=1e-11 * unit)
     assert np.sum(outline_of(mesh).constraints.kind == HELD) == 2 * (len(corner) + is_round.sum())
-
-
-@pytest.mark.parametrize("n", [12, 40])
-def test_a_circle_from_a_junction_back_to_it_is_two_arcs(n):
-    mesh = with_lines(ring(n, 2), {"cut": np.array([0, n, 2 * n])})
-    assert_allclose(circles(mesh), [[0, 0, 0.5, 0]] * 2 + [[0, 0, 1, 0]] * 2, atol=1e-13)
-    kind = outline_of(mesh).constraints.kind
-    assert np.sum(kind == HELD) == 4 and kind[0] == kind[2 * n] == HELD
-
-
-def arkkio(oriented):
-    """Rotor, gap and stator, with a ring named arkkio in the middle of the gap."""
-    mesh = disk(np.array([0.15, 0.3, 0.5, 0.55, 0.6, 1.0]), {"rotor": 3, "gap": 5, "stator": 6})
-    line = np.flatnonzero(np.all(np.abs(np.hypot(*mesh.p[:, mesh.facets]) - 0.55) < 1e-9, axis=0))
-    if oriented:
-        outside = np.hypot(*centres(mesh)[:, mesh.f2t[0, line]]) > 0.55
-        line = OrientedBoundary(line, outside.astype(int))
-    return mesh.with_boundaries({"arkkio": line})
-
-
-@pytest.mark.parametrize("oriented", [False, True])
-def test_interfaces_and_named_lines_inside_a_region_are_recognised(oriented):
-    found = circles(arkkio(oriented))
-    assert_allclose(sorted(found[:, 2]), [0.5, 0.55, 0.6, 1], rtol=1e-12)
-    assert np.all(found[:, 3] == 1)
-    assert_allclose(found[:, :2], 0, atol=1e-13)
 
 
 def with_noise(mesh, share, seed=0):

@@ -176,18 +176,3 @@ def off_lines(result, mesh, circles, name):
         flat = np.hypot(*(x - a - along[:, None] * (b - a)).T)
         off.append(min([*flat, *np.abs(np.hypot(*(x - circles[:, :2]).T) - circles[:, 2])]))
     return max(off)
-
-
-ARRANGEMENTS = {
-    "disjoint": [Shape((1, 1), 0.5, 0, 0), Shape((3, 1), 0.75, 4, 0.3), Shape((2, 3), 0.75, 6, 0)],
-    "nested": [Shape((2, 2), 1.5, 0, 0), Shape((2, 2), 1.25, 4, 0), Shape((2, 2), 0.5, 0, 0)],
-    "touching": [Shape((1, 2), 1.0, 0, 0), Shape((3, 2), 1.0, 0, 0), Shape((2, 3.5), 0.5, 4, np.pi / 4)],
-    "overlapping": [Shape((1.5, 2), 1.0, 0, 0), Shape((2.5, 2), 1.0, 0, 0), Shape((2, 2.5), 1.25, 3, 0)],
-}
-
-
-@pytest.mark.parametrize("kind", ARRANGEMENTS)
-def test_the_circles_of_an_arrangement_are_recognised(kind):
-    found = Truth(meshed(ARRANGEMENTS[kind], np.random.default_rng(1))).circles
-    drawn = {(*shape.centre, shape.radius) for shape in ARRANGEMENTS[kind] if not shape.vertices}
-    assert {tuple(row) for row in np.round(found, 6).tolist()} == drawn

@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.blended import exact_area
@@ -38,14 +37,6 @@ def test_areas_names_and_nodes_stay(nodes, layers, factor):
         assert length(finer, finer.boundaries[name]) == pytest.approx(length(mesh, rows), rel=1e-12)
 
 
-def test_sides_shrink_by_the_factor():
-    mesh = named_square()
-    centre = int(np.argmin(np.hypot(*(mesh.p - 0.5))))
-    finer = ka.refined_at(mesh, [centre], layers=3, factor=0.2)
-    distance = np.unique(np.abs(finer.p[0, np.isclose(finer.p[1], 0.5)] - 0.5).round(12))
-    assert_allclose(distance[:4], [0.0, *(0.25 * 0.2**k for k in (3, 2, 1))], atol=1e-12)
-
-
 @pytest.mark.parametrize(("count", "layers"), [(8, 1), (9, 3)])
 def test_layers_at_every_node_of_coarse_arcs(count, layers):
     mesh = curved_annulus(count)
@@ -66,17 +57,6 @@ def test_halves_of_curved_sides_stay_pairs():
     one, other = (finer.p[:, np.unique(finer.facets[:, finer.boundaries[name]])] for name in sides)
     assert one.shape[1] > 8 + 4
     assert_allclose(*(np.sort(np.arctan2(*each)) for each in (one, other)), rtol=0.0, atol=1e-12)
-
-
-def test_oriented_boundaries_keep_their_side():
-    mesh = named_square()
-    inner = np.flatnonzero(np.all(np.isclose(mesh.p[0, mesh.facets], 0.5), axis=0))
-    high = np.isin(mesh.f2t[:, inner], mesh.subdomains["high"])
-    mesh = mesh.with_boundaries({"cut": OrientedBoundary(inner, np.argmax(high, axis=0))})
-    finer = ka.refined_at(mesh, np.unique(mesh.facets[:, inner])[:2])
-    cut = finer.boundaries["cut"]
-    assert len(cut) > len(inner)
-    assert np.all(np.isin(finer.f2t[cut.ori, np.asarray(cut)], finer.subdomains["high"]))
 
 
 def test_both_nodes_of_a_pair_get_layers():

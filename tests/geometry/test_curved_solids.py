@@ -127,15 +127,6 @@ def assert_on_surfaces(solid, within):
         assert np.abs(solid.patches.project(patch, x[nodes]) - x[nodes]).max(initial=0.0) < within
 
 
-def test_few_nodes_that_lie_near_a_cylinder_by_chance_stay_on_their_planes():
-    a, b, c = np.array([(0.8896, 0.272088, 0.489195), (0.894655, 0.130855, 0.025155), (0.983827, 0.323720, 0.637111)])
-    beside, below = (0.646206, 0.247679, 0.457648), (0.8, 0.8, 0.3)
-    x = np.array([a, b, c, (a + b) / 2, (a + c) / 2, (b + c) / 2, beside, below])
-    faces = np.array([(0, 3, 4), (1, 5, 3), (2, 4, 5), (4, 3, 5), (0, 6, 3)])
-    solid = MovableSolid.of(MeshTet(x.T, np.column_stack([faces, np.full(5, 7)]).T), Rules())
-    assert np.all(solid.surfaces.shape == PLANE)
-
-
 def hull_of_sphere(count, seed):
     """Tetrahedra from the centre of a sphere to the faces of the hull of nodes on the sphere, nearly even."""
     i, noise = np.arange(count) + 0.5, np.random.default_rng(seed).normal(0.0, 0.12, (3, count))
@@ -223,15 +214,6 @@ def frustum():
 CONE_OF_FRUSTUM = ka.Cone((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), np.arctan(0.5))
 
 
-def test_surfaces_that_are_told():
-    solid = MovableSolid.of(frustum(), Rules(surfaces={"side": CONE_OF_FRUSTUM}))
-    assert found(solid) == {"planes": 2, "cones": 1, "circles": 2}
-    assert not np.any(solid.freedom.number == HELD)
-    assert_on_surfaces(solid, 1e-12)
-    plain = MovableSolid.of(frustum(), Rules())
-    assert found(plain).keys() == {"planes", "lines"}
-
-
 def test_a_cone_holds_its_apex():
     flat = disk(4, 1.0)
     p = np.hstack([np.vstack([flat.p, 0.0 * flat.p[:1]]), [[0.0], [0.0], [1.0]]])
@@ -258,15 +240,6 @@ REFUSED = {
 def test_what_is_told_of_surfaces_is_checked(message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         MovableSolid.of(frustum(), Rules(surfaces=REFUSED[message]))
-
-
-def test_two_surfaces_for_one_face():
-    mesh = box(2).with_boundaries({"top": lambda x: x[2] == 1.0, "lid": lambda x: x[2] == 1.0})
-    plane = ka.Plane((0, 0, 1), (0, 0, 1))
-    message = r"^boundaries 'top' and 'lid' share facets, so they cannot both have a surface; leave one out\.$"
-    with pytest.raises(ValueError, match=message):
-        MovableSolid.of(mesh, Rules(surfaces={"top": plane, "lid": plane}))
-    assert found(MovableSolid.of(mesh, Rules(surfaces={"top": plane}))) == {"planes": 6, "lines": 12}
 
 
 def test_how_far_faces_are_off_is_told():

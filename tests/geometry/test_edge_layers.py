@@ -5,7 +5,7 @@ import pytest
 from helpers.examples import examples
 from helpers.random_solids import flat_solids
 from helpers.solids import box, two_regions
-from helpers.tetrahedra import fichera, lone, turned
+from helpers.tetrahedra import lone
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -64,18 +64,6 @@ def test_volumes_names_and_sides_stay(body, data, layers, factor, seed):
     assert_array_equal(mesh.t, before[1])
 
 
-@examples(15)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
-def test_elements_may_start_at_any_corner(seed, layers):
-    mesh = turned(fichera(1), seed)
-    some = np.random.default_rng(seed).random(mesh.edges.shape[1]) < 0.2
-    finer = ka.refined_at(mesh, [3], edges=mesh.edges[:, some], layers=layers)
-    check_kept(mesh, finer)
-    again = ka.refined_at(mesh, [3], edges=mesh.edges[:, some], layers=layers)
-    assert_array_equal(finer.p, again.p)
-    assert_array_equal(finer.t, again.t)
-
-
 def bowed(size):
     """A cube of two halves whose edges, those inside and on the faces, have random offsets."""
     mesh = two_regions(2)
@@ -118,15 +106,6 @@ def test_distances_shrink_by_the_factor():
     finer = ka.refined_at(mesh, edges=[[0], [1]], layers=3, factor=0.2)
     assert_allclose(np.unique(finer.p[1])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
     assert finer.nelements == 3 + 6 * 2 + 3
-
-
-def test_other_elements_stay_as_they_are():
-    mesh = two_regions(4)
-    finer = ka.refined_at(mesh, [0], layers=1)
-    far = np.flatnonzero(~np.any(mesh.t == 0, axis=0))
-    assert set(map(tuple, mesh.t[:, far].T.tolist())) <= set(map(tuple, finer.t.T.tolist()))
-    assert type(ka.refined_at(MeshTet2.from_mesh(mesh), [0])) is MeshTet
-    assert_array_equal(ka.refined_at(mesh).t, mesh.t)
 
 
 def test_layers_that_coordinates_do_not_resolve_are_left_out():

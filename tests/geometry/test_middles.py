@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import disk
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 
@@ -10,7 +9,7 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import ROUND, STRAIGHT, TABLED
-from kohonen_adapt.mesh.curved import corners_of, offsets_of_sides, with_midside_offsets
+from kohonen_adapt.mesh.curved import with_midside_offsets
 
 
 def star(corners, middles):
@@ -124,63 +123,12 @@ def test_nodes_slide_and_middles_stay_on_the_curve():
         assert distance(moved.p[:, moved.facets[0, rim]]).max() < bound
 
 
-def test_a_spline_through_middles_is_of_fourth_order():
-    """Half-way between corner and mid-side node, though that is not where the parameter is half-way."""
-    errors = []
-    for count in (12, 24):
-        chains = movable(along(ellipse, count)).constraints.chains
-        places = np.stack([chains.knot[1::2, 1], chains.knot[1::2, 2]])
-        errors.append(off_ellipse(places).max())
-    assert errors[0] / errors[1] > 12.0
-
-
-def test_middles_off_their_centre_come_back_and_curves_stay_smooth():
-    count = 16
-    share = np.arange(2 * count) / (2 * count)
-    share[1::2] += 0.2 / (2 * count)
-    points = ellipse(share)
-    mesh = star(points[:, ::2], points[:, 1::2])
-    assert_allclose(movable(mesh).mesh().p, mesh.p, atol=1e-12)
-    chains = movable(mesh).constraints.chains
-    assert off_ellipse(np.stack([chains.knot[:, 1], chains.knot[:, 2]])).max() < 1e-3
-    assert np.all(np.diff(chains.knot[:, 0]) > 0.0)
-
-
-def test_a_polygon_beside_a_curve_is_no_arc():
-    """In a straight mesh its nodes would slide on a circle; here mid-side nodes show that there is none."""
-    mesh = disk(6, 1.0)
-    ring = np.flatnonzero(np.all(np.abs(np.hypot(*mesh.p[:, mesh.facets]) - 0.5) < 1e-9, axis=0))
-    rim, off = mesh.boundary_facets(), np.zeros((2, mesh.facets.shape[1]))
-    mesh = mesh.with_boundaries({"ring": ring})
-    assert np.sum(movable(mesh).constraints.chains.shape == ROUND) == 2
-    middle = mesh.p[:, mesh.facets[:, rim]].mean(axis=1)
-    off[:, rim] = middle / np.hypot(*middle) - middle
-    curved = movable(with_midside_offsets(mesh, off))
-    assert np.sum(curved.constraints.chains.shape == ROUND) == 1
-    assert_allclose(offsets_of_sides(curved.mesh())[:, ring], 0.0, atol=1e-15)
-    assert np.sum(movable(with_midside_offsets(mesh, 0.0 * off)).constraints.chains.shape == ROUND) == 2
-
-
 def test_a_given_curve_comes_first():
     mesh = along(ellipse, 12)
     spline = ka.Spline(ellipse(np.arange(24) / 24), closed=True)
     assert movable(mesh, curves={"rim": spline}).outline.curve_index[0] == 0
     with pytest.raises(ValueError, match=r"the nodes of boundary 'rim' must lie on the curve given for it"):
         movable(mesh, curves={"rim": ka.Arc((0.0, 0.0), 1.0)})
-
-
-def test_sides_inside_become_straight():
-    mesh = along(ellipse, 12)
-    off = offsets_of_sides(mesh)
-    inside = np.flatnonzero(mesh.f2t[1] >= 0)
-    off[:, inside] += 0.01
-    back = movable(with_midside_offsets(corners_of(mesh), off)).mesh()
-    assert np.abs(offsets_of_sides(back)[:, inside]).max() < 1e-15
-    assert_allclose(
-        back.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
-        mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()],
-        atol=1e-12,
-    )
 
 
 def test_periodic_sides_cannot_be_splines():
@@ -190,10 +138,3 @@ def test_periodic_sides_cannot_be_splines():
     named = MeshTri2(mesh.p, mesh.t, _boundaries={"right": right, "left": np.setdiff1d(rim, right)})
     with pytest.raises(ValueError, match=r"its pieces must be straight or arcs .* or draw its midside nodes to"):
         movable(named, periodic=[("right", "left", ka.Rotation(np.pi))])
-
-
-def test_a_spline_goes_through_middles_too():
-    mesh = along(ellipse, 12)
-    spline = ka.Spline.through(mesh, "rim")
-    assert spline.closed == (True,) and spline.pieces[0].shape == (2, 24)
-    assert off_ellipse(spline.project(1.2 * ellipse(np.linspace(0.0, 1.0, 200)))).max() < 2e-3

@@ -4,7 +4,7 @@ import io
 
 import numpy as np
 import pytest
-from helpers.meshes import generic_square, inset, junction, named, perturbed, ring, slit, square
+from helpers.meshes import generic_square, junction, named, ring, slit, square
 from helpers.solids import box, cut, l_shape, two_regions
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
@@ -116,50 +116,6 @@ def test_a_copy_and_its_original_leave_each_other_alone(build, options):
     work_on(copy, seed=1)
     assert_same_state(movable.state(), after)
     assert_same_state(copy.state(), after)  # what is the same goes on in the same way
-
-
-@each_world
-def test_put_together_again_a_mesh_is_what_it_was(build, options):
-    mesh = build()
-    again = movables(mesh, options, 1)[0].mesh()
-    assert_same_mesh(again, mesh)
-    assert not np.shares_memory(again.p, mesh.p) and not np.shares_memory(again.t, mesh.t)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_flips_are_counted_and_nothing_flips_twice(seed):
-    movable = MovableMesh.of(perturbed(named(8), seed), Rules("flip", min_quality=0.0))
-    before = movable.triangulation.elements.node.copy()
-    assert 0 < movable.flip() < 1000
-    after = movable.triangulation.elements.node.copy()
-    assert np.any(before != after)
-    assert movable.flip() == 0
-    assert_array_equal(movable.triangulation.elements.node, after)
-
-
-def test_where_flips_are_not_allowed_there_are_none():
-    mesh = perturbed(square(8), 1)
-    movable = MovableMesh.of(mesh, Rules("fixed"))
-    assert not movable.flips
-    assert movable.flip() == 0
-    assert_array_equal(movable.mesh().t, mesh.t)
-
-
-def test_whether_any_node_can_move():
-    triangle = MeshTri(np.array([[0.0, 1, 0], [0, 0, 1]]), np.array([[0], [1], [2]]))
-    assert MovableMesh.of(triangle, Rules()).held_nodes.all()
-    assert not MovableMesh.of(square(2), Rules()).held_nodes.all()
-    mesh = square(2)
-    assert MovableMesh.of(mesh, Rules(pinned=range(9))).held_nodes.all()
-    assert not MovableMesh.of(mesh, Rules(pinned=mesh.boundary_nodes())).held_nodes.all()
-
-
-def test_what_curves_leave_out_of_the_facets_on_them():
-    assert MovableMesh.of(inset(8), Rules()).sagitta() == 0.0
-    count = 40
-    movable = MovableMesh.of(ring(count, 6), Rules())
-    radius = np.hypot(*movable.triangulation.position.T).max()
-    assert movable.sagitta() == pytest.approx(radius * (1 - np.cos(np.pi / count)), rel=1e-9)
 
 
 def test_settling_puts_nodes_on_their_curves():

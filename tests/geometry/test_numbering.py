@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import areas_of, generic_square, square
+from helpers.meshes import generic_square, square
 from skfem import MeshTri
 
-import kohonen_adapt as ka
-from kohonen_adapt import Rules, Schedule
+from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import numbered_along_curve
-from kohonen_adapt.mesh.triangulation import Triangulation
 
 SIDES = {"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0}
 HALVES = {"low": lambda x: x[1] < 0.5, "high": lambda x: x[1] > 0.5}
@@ -62,14 +60,6 @@ def pairs_of(movable):
     return {(*one, *other) for one, other in zip(place[paired].tolist(), place[partner[paired]].tolist(), strict=True)}
 
 
-def test_numbers_are_put_back_where_work_is_broken_off(mesh):
-    movable = MovableMesh.of(mesh, Rules())
-    expected = everything(movable.copy())
-    with pytest.raises(KeyboardInterrupt), numbered_along_curve(movable):
-        raise KeyboardInterrupt
-    assert all(np.array_equal(array, expected[name]) for name, array in everything(movable).items())
-
-
 @pytest.mark.parametrize("build", [lambda: square(104), lambda: generic_square(20)], ids=["in rows", "small"])
 def test_meshes_that_are_in_order_or_small_keep_their_numbers(build):
     movable = MovableMesh.of(build(), Rules())
@@ -77,9 +67,3 @@ def test_meshes_that_are_in_order_or_small_keep_their_numbers(build):
     with numbered_along_curve(movable) as row:
         assert row is None
         assert movable.triangulation.position is position
-
-
-def test_flips_alone_move_no_node_of_a_scattered_mesh(mesh):
-    after = ka.relocate(mesh, np.ones(mesh.nelements), schedule=Schedule(()))
-    assert np.array_equal(after.p, mesh.p)
-    assert areas_of(Triangulation.of(after)).min() > 0

@@ -4,8 +4,8 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.meshes import comb, inset, junction, l_shape, length_of, named, peak, slit, square
-from numpy.testing import assert_allclose, assert_array_equal
+from helpers.meshes import comb, inset, junction, l_shape, length_of, named, peak, square
+from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -62,40 +62,12 @@ def test_junctions_changes_of_name_and_loose_ends_are_corners():
     assert places(mesh, jumps) == SQUARE_CORNERS
 
 
-def test_a_change_of_name_in_the_middle_of_a_side_is_a_corner():
-    mesh = square(8)
-    mesh = mesh.with_boundaries({"half": mesh.facets_satisfying(lambda x: (x[1] == 0.0) & (x[0] < 0.5))})
-    kind, jumps = kinds(mesh)
-    assert places(mesh, kind == HELD) == SQUARE_CORNERS | {(0.5, 0.0)}
-    assert places(mesh, jumps) == SQUARE_CORNERS | {(0.5, 0.0)}
-
-
-def test_the_tip_of_a_slit_is_a_corner():
-    mesh = slit(8, tip=0.75)
-    kind, _ = kinds(mesh)
-    assert {(0.75, 0.5), (0.0, 0.5)} | SQUARE_CORNERS == places(mesh, kind == HELD)
-    assert np.sum(kind == HELD) == 7  # the mouth is there twice
-
-
 @pytest.mark.parametrize(("turn", "corners"), [(2e-6, 5), (1e-9, 4)])
 def test_a_turn_above_a_millionth_is_a_corner(turn, corners):
     mesh = square(8)
     mesh = MeshTri(mesh.p + np.array([[0.0], [1.0]]) * turn * np.abs(mesh.p[0] - 0.5) * (mesh.p[1] == 0.0), mesh.t)
     kind, _ = kinds(mesh)
     assert np.sum(kind == HELD) == corners
-
-
-def test_small_turns_that_add_up_are_kept_node_by_node():
-    angle = 5e-5 * np.linspace(-1, 1, 101) ** 2  # no circle: the turns change
-    bow = np.stack([np.linspace(0, 1, 101), np.cumsum(np.tan(angle)) / 100])
-    ticks = np.linspace(0, 1, 101)
-    mesh = MeshTri.init_tensor(ticks, np.linspace(0, 0.02, 3))
-    p = mesh.p.copy()
-    p[1] += np.interp(p[0], bow[0], bow[1])
-    mesh = MeshTri(p, mesh.t)
-    result = ka.relocate(mesh, peak(mesh, 0.5, 0.01), schedule=MUCH, min_quality=0.0)
-    edge = np.isin(np.arange(p.shape[1]), mesh.boundary_nodes()) & (p[0] > 0) & (p[0] < 1)
-    assert_array_equal(result.p[:, edge], p[:, edge])
 
 
 @pytest.mark.parametrize("build", [lambda: square(8), lambda: inset(8), lambda: l_shape(4), lambda: comb(10)])
@@ -148,27 +120,6 @@ def test_the_jump_around_a_corner():
     assert ka.quality(result).min() > 0
 
 
-@pytest.mark.parametrize(("x", "rate", "place"), [((0.05, 0.2), 1.0, [0.0, 0.2]), ((0.2, 0.05), 0.25, [0.05, 0.0])])
-def test_it_jumps_onto_the_nearer_side_by_the_share_of_the_learning_rate(x, rate, place):
-    mesh = cornered()
-    assert trained_once(mesh, x, rate=rate).p[:, node_at(mesh, 0, 0)].tolist() == place
-
-
-def test_corners_of_interfaces_jump_too():
-    mesh = inset(8)
-    ear = np.bincount(mesh.t[:, mesh.subdomains["core"]].ravel())[node_at(mesh, 0.25, 0.25)] == 1
-    mesh = MeshTri([[float(ear)], [0]] + [[1 - 2 * ear], [1]] * mesh.p, mesh.t, None, mesh.subdomains)
-    mesh.p[1, node_at(mesh, 0.125, 0.25)] = 0.2  # else the element at the follower would become flat
-    corner, follower = node_at(mesh, 0.25, 0.25), node_at(mesh, 0.25, 0.375)
-    result = trained_once(mesh, (0.3, 0.26))  # from within the core
-    assert result.p[:, corner].tolist() == [0.3, 0.25]
-    assert result.p[:, follower].tolist() == [0.25, 0.25]
-    result = trained_once(mesh, (0.3, 0.24))  # from the air
-    assert result.p[:, corner].tolist() == [0.3, 0.25]
-    for name, rows in result.subdomains.items():
-        assert_array_equal(rows, mesh.subdomains[name])
-
-
 def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
     stages = [ka.Stage(8, 1, 0.2, points_per_neuron=0.13), *(ka.Stage(radius, 3, 0.3) for radius in (4, 2, 1))]
     mesh = square(16).with_boundaries({"floor": lambda x: x[1] == 0.0, "top": lambda x: x[1] == 1.0})
@@ -181,16 +132,3 @@ def test_jumps_change_the_number_of_nodes_per_side_and_not_the_geometry():
             assert len(np.unique(ends[1])) == 1
             assert len(result.boundaries[name]) == on_side(result, 1, ends[1, 0, 0]) - 1
             assert length_of(result, result.boundaries[name]) == pytest.approx(1.0, rel=1e-14)
-
-
-def test_a_jump_at_a_junction_by_hand():
-    """The neuron in the junction goes right, its left neighbour takes its place, and the element between them, too."""
-    mesh = junction(4)
-    numbers = {tuple(x): v for v, x in enumerate(mesh.p.T.tolist())}
-    middle, left, up = (numbers[place] for place in [(0.5, 0.5), (0.25, 0.5), (0.5, 0.75)])
-    ear = np.sort([middle, left, up]).tolist()
-    assert ear in mesh.t[:, mesh.subdomains["left"]].T.tolist()
-    result = trained_once(mesh, (0.6, 0.51), rate=0.5, topology="flip")
-    assert_allclose(result.p[:, [middle, left]], [[0.55, 0.5], [0.5, 0.5]])
-    assert ear in result.t[:, result.subdomains["right"]].T.tolist()
-    assert len(result.subdomains["right"]) == len(mesh.subdomains["right"]) + 1

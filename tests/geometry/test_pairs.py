@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import BOTH, SIDES, apart, cell, circle, disk, peak_at, ring, shells, slit, square
-from helpers.paired import mismatch, nodes_of, sector, turned
+from helpers.meshes import BOTH, SIDES, apart, cell, disk, peak_at, ring, slit, square
+from helpers.paired import mismatch, nodes_of
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
@@ -28,36 +28,6 @@ def test_translated_sides_stay_matched(topology):
     assert ka.relocate(cell(16), peak_at(0.0, 0.3), seed=0).boundaries.keys() == mesh.boundaries.keys()
 
 
-@pytest.mark.parametrize(("angle", "topology"), [(0.5, "recycle"), (np.pi / 2, "flip"), (2.0, "recycle")])
-def test_rotated_sides_stay_matched(angle, topology):
-    mesh = sector(14, angle)
-    x, y = 2.0 + 0.5 * np.cos(0.3), 1.0 + 0.5 * np.sin(0.3)
-    for seed in range(3):
-        mesh = ka.relocate(mesh, peak_at(x, y), topology=topology, periodic=[("first", "last")], seed=seed)
-        assert mismatch(mesh, "first", "last", turned(angle)) < 1e-14
-
-
-def test_both_stars_of_a_pair_are_guarded():
-    """On the right a thin layer of elements leaves little room; the nodes on the left stop with their partners."""
-    mesh = square(8).with_boundaries(SIDES)
-    p = mesh.p.copy()
-    p[0, p[0] == 0.875] = 0.99
-    mesh = MeshTri(p, mesh.t, mesh.boundaries)
-    result = ka.relocate(mesh, peak_at(0.0, 0.0), periodic=[("left", "right")], topology="fixed", min_quality=0.05)
-    assert mismatch(result, "left", "right", lambda x: x + [[1.0], [0.0]]) < 1e-15
-    assert ka.quality(result).min() >= min(0.05, ka.quality(mesh).min())
-
-
-def test_interfaces_that_end_on_one_side_hold_their_partners():
-    """The band ends on the left side only: its ends are corners there, so the nodes opposite are held, too."""
-    mesh = square(16).with_boundaries(SIDES)
-    mesh = mesh.with_subdomains({"band": lambda x: (np.abs(x[1] - 0.5) < 0.25) & (x[0] < 0.5)})
-    result = ka.relocate(mesh, peak_at(0.0, 0.3), periodic=[("left", "right")])
-    for name in ("left", "right"):
-        assert {0.25, 0.75} <= {*result.p[1, np.unique(result.facets[:, result.boundaries[name]])].tolist()}
-    assert mismatch(result, "left", "right", lambda x: x + [[1.0], [0.0]]) < 1e-15
-
-
 def test_sides_that_do_not_match_are_refused():
     mesh = square(8).with_boundaries(
         {**SIDES, "seam": lambda x: x[0] == 0.5, "half": lambda x: (x[0] == 1) & (x[1] < 0.5)}
@@ -72,11 +42,6 @@ def test_sides_that_do_not_match_are_refused():
         ValueError, match=r"within 1e-08 of the size of the mesh; the nearest is 0\.001 off\. Mesh them"
     ):
         ka.relocate(MeshTri(p, mesh.t, mesh.boundaries), np.ones(128), periodic=[("left", "right")])
-
-
-def test_a_curve_and_a_partner_do_not_go_together():
-    with pytest.raises(ValueError, match="a periodic boundary cannot have a curve, too"):
-        ka.relocate(cell(4), np.ones(32), periodic=[("left", "right")], curves={"left": ka.Line((0, 0), (0, 1))})
 
 
 # --- motions by name ---------------------------------------------------------------------------------------------
@@ -139,17 +104,6 @@ def test_circles_are_not_matched_by_a_guess():
     )
     with pytest.raises(ValueError, match=message):
         ka.relocate(mesh, np.ones(mesh.nelements), periodic=ROTOR_AND_STATOR)
-
-
-def test_circles_whose_nodes_tell_the_motion_need_no_name():
-    """Unevenly spaced nodes are those of the other circle in one position only."""
-    angle = 2 * np.pi * (np.arange(36) + 0.3 * np.sin(2 * np.pi * np.arange(36) / 36)) / 36
-    around = np.stack([np.cos(angle), np.sin(angle)])
-    inside, outside = shells([0.2 * circle(36), 0.5 * around], 3), shells([0.5 * around, circle(36)], 3)
-    rim = lambda x: np.abs(np.hypot(*x) - 0.5) < 0.02  # noqa: E731
-    mesh = apart(inside.with_boundaries({"rim": rim}), outside.with_boundaries({"inner": rim}))
-    result = ka.relocate(mesh, peak_at(0.5, 0.0), periodic=ROTOR_AND_STATOR)
-    assert mismatch(result, "0 rim", "1 inner", lambda x: x) < 1e-15
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import threading
 
 import numpy as np
 import pytest
-from helpers.boxes import check
 from helpers.solids import box, cut, two_regions, volumes
 from numba import config
 from skfem import MeshTet
@@ -16,7 +15,7 @@ from kohonen_adapt.geometry.space.thread_parts import parts_for, run_parts, wait
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, WANTED
 from kohonen_adapt.kernels.tetrahedron.geometry import find_parts
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
-from kohonen_adapt.kernels.threads import by_turns, shared_in_parts
+from kohonen_adapt.kernels.threads import by_turns
 
 CELLS = 14  # 3375 nodes: two parts
 
@@ -81,19 +80,28 @@ def test_parts_change_only_what_is_theirs(monkeypatch):
     assert np.array_equal(np.flatnonzero(solid.queue.waiting), told)
 
 
-def test_any_number_of_threads_gives_the_same_elements(monkeypatch):
-    found = []
-    for threads in (1, 2, 5):
-        monkeypatch.setattr(config, "NUMBA_NUM_THREADS", threads)
-        solid = opened(two_regions)
-        found.append((solid.swap(), solid.mesh.elements.node.tobytes(), solid.mesh.pool.height.tolist()))
-    assert found[0] == found[1] == found[2]
+def test_few_nodes_are_one_part_and_many_are_more_of_no_less_than_a_thousand():
+    assert parts_for(1999) == 1 and parts_for(3375) == 2
+    for nodes in (10_000, 100_000, 1_000_000):
+        parts = parts_for(nodes)
+        assert parts > 2 and nodes / parts >= 1000
 
 
-def test_an_open_mesh_is_sound_after_swaps_in_parts():
-    solid = opened()
-    solid.swap()
-    check(solid.mesh)
+def test_no_turn_is_taken_after_one_has_failed(monkeypatch):
+    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
+    failed, taken = threading.Event(), []
+
+    def task(thread, i):
+        if i == 0:
+            failed.set()
+            raise KeyboardInterrupt
+        failed.wait(10.0)
+        taken.append(i)
+
+    with pytest.raises(KeyboardInterrupt):
+        by_turns(task, 1000)
+    assert len(taken) < 1000
+    assert by_turns(lambda thread, i: 2 * i, 5) == [0, 2, 4, 6, 8] and by_turns(lambda thread, i: i, 0) == []
 
 
 def test_nodes_deep_in_a_part_of_either_way_come_before_those_that_are_not():
@@ -112,34 +120,3 @@ def test_nodes_deep_in_a_part_of_either_way_come_before_those_that_are_not():
         for nodes in group:
             around = np.concatenate([star.link[star.start[v] : star.start[v + 1]].ravel() for v in nodes])
             assert len(set(parts.partitions[way][around].tolist())) == 1
-
-
-def test_few_nodes_are_one_part_and_many_are_more_of_no_less_than_a_thousand():
-    assert parts_for(1999) == 1 and parts_for(3375) == 2
-    for nodes in (10_000, 100_000, 1_000_000):
-        parts = parts_for(nodes)
-        assert parts > 2 and nodes / parts >= 1000
-
-
-def test_without_ways_all_nodes_come_in_order():
-    order = np.array([2, 0, 1], dtype=np.int32)
-    seen = []
-    shared_in_parts(lambda thread, nodes: seen.append(nodes.tolist()) or 0.0, order)
-    assert seen == [[2, 0, 1]]
-
-
-def test_no_turn_is_taken_after_one_has_failed(monkeypatch):
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
-    failed, taken = threading.Event(), []
-
-    def task(thread, i):
-        if i == 0:
-            failed.set()
-            raise KeyboardInterrupt
-        failed.wait(10.0)
-        taken.append(i)
-
-    with pytest.raises(KeyboardInterrupt):
-        by_turns(task, 1000)
-    assert len(taken) < 1000
-    assert by_turns(lambda thread, i: 2 * i, 5) == [0, 2, 4, 6, 8] and by_turns(lambda thread, i: i, 0) == []

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from helpers.meshes import square
 from helpers.tensor_meshes import disk, equal_rings, sector
-from numpy.testing import assert_allclose, assert_array_equal
 
 from kohonen_adapt.geometry.plane.arcs import refined_on_arcs
 from kohonen_adapt.mesh.curved import with_midsides
@@ -33,21 +32,6 @@ def test_what_parabolas_leave_of_arcs_falls_to_a_sixteenth():
     missing = [np.pi / 4 - size_of(mesh, "magnet") for mesh in (bent, chords, arcs)]
     assert missing[1] == pytest.approx(missing[0])
     assert missing[2] == pytest.approx(missing[0] / 16, rel=0.03)
-
-
-def test_the_outer_boundary_is_round_in_both():
-    for mesh in refined_on_arcs(DISK):
-        rim = np.unique(mesh.facets[:, mesh.boundaries["outer"]])
-        assert rim.size == 96
-        assert_allclose(np.hypot(*mesh.p[:, rim]), 1.0, rtol=1e-12)
-
-
-def test_names_and_the_first_nodes_stay():
-    for mesh in refined_on_arcs(DISK):
-        assert_array_equal(mesh.p[:, : DISK.p.shape[1]], DISK.p)
-        assert {name: rows.size for name, rows in mesh.subdomains.items()} == {
-            name: 4 * rows.size for name, rows in DISK.subdomains.items()
-        }
 
 
 def test_there_are_none_where_nothing_inside_is_round():

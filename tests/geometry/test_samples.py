@@ -1,16 +1,13 @@
 """Surfaces that are known by projections only, as loops know them: the nearest sample, and the paraboloid there."""
 
 import numpy as np
-import pytest
-from helpers.solids import ball, cut
-from scipy.spatial import cKDTree
+from helpers.solids import ball
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.tetrahedron.arrays import PROJECTED
-from kohonen_adapt.kernels.tetrahedron.surfaces import nearest_sample, signed_distance
+from kohonen_adapt.kernels.tetrahedron.surfaces import signed_distance
 
 
 class Projection:
@@ -34,16 +31,6 @@ def near_rim(count, reach, seed=0):
     return x / np.linalg.norm(x, axis=1, keepdims=True) * (1.0 + rng.uniform(-reach, reach, (count, 1)))
 
 
-def test_the_nearest_sample_is_found():
-    samples, search = from_mesh(4).surfaces.samples, interpreted(nearest_sample)
-    points = np.vstack([near_rim(200, 0.3), near_rim(20, 0.9), samples.point[::50]])
-    rows = [search(samples, 0, tuple(x)) for x in points]
-    found = np.linalg.norm(points - samples.point[rows], axis=1)
-    assert np.array_equal(
-        found, np.linalg.norm(points - samples.point[cKDTree(samples.point).query(points)[1]], axis=1)
-    )
-
-
 def test_distances_are_of_third_order_and_their_gradients_of_second():
     lengths, gradients = [], []
     for cells in (3, 6, 12):
@@ -55,18 +42,3 @@ def test_distances_are_of_third_order_and_their_gradients_of_second():
         gradients.append(np.abs(found[:, 1:] - x / radius[:, None]).max())  # outward all of them
     assert np.log2(lengths[0] / lengths[2]) / 2 > 2.7 and lengths[2] < 1e-4
     assert np.log2(gradients[0] / gradients[2]) / 2 > 1.8
-
-
-def test_normals_of_a_sheet_look_to_one_side():
-    mesh = cut()
-    (name,) = mesh.boundaries
-    facet = np.asarray(mesh.boundaries[name])
-    across = np.ptp(mesh.p[:, mesh.facets[:, facet]].reshape(3, -1), axis=1) < 1e-12
-    plane = ka.Plane(mesh.p[:, mesh.facets[0, facet[0]]], across.astype(float))
-    solid = MovableSolid.of(mesh, Rules(surfaces={name: Projection(plane)}))
-    (p,) = np.flatnonzero(solid.surfaces.shape == PROJECTED)
-    samples = solid.surfaces.samples
-    own = slice(samples.start[p], samples.start[p + 1])
-    assert own.stop > own.start and len(samples.point) == own.stop - own.start
-    assert np.abs(samples.normal[own] @ across) == pytest.approx(1.0)
-    assert np.ptp(samples.normal[own], axis=0) == pytest.approx(0.0)

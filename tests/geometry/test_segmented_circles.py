@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import apart, circle, shells
+from helpers.meshes import circle, shells
 from hypothesis import given
 from hypothesis import strategies as st
 from test_arcs import circles, outline_of
@@ -93,45 +93,6 @@ def test_polygons_stay_polygons_wherever_radial_interfaces_end(sides, cuts, at):
     assert np.all(found[:, 2] == pytest.approx(3.0)) and len(found) == (count > 10)
 
 
-@examples(15)
-@given(st.integers(6, 30), st.floats(1.15, 4), st.floats(0, 6))
-def test_ellipses_that_are_cut_stay_as_they_are(count, ratio, begin):
-    mesh = segmented(np.array([[ratio], [1.0]]) * circle(count, begin), np.arange(count))
-    assert len(circles(mesh)) == 0
-
-
-@examples(15)
-@given(st.integers(2, 9), st.data())
-def test_corners_of_rectangles_on_a_circle_stay_corners(rectangles, data):
-    """Turned rectangles with one centre: all their corners are on one circle, and turn by 90 degrees."""
-    angle = data.draw(st.floats(0.2, 1.3))
-    corner = at(np.array([angle, np.pi - angle, np.pi + angle, -angle]))
-    side = np.arange(rectangles) / rectangles
-    around = np.concatenate([corner[:, [k]] * (1 - side) + corner[:, [(k + 1) % 4]] * side for k in range(4)], axis=1)
-    mesh = segmented(around, np.arange(4) * rectangles)
-    assert len(circles(mesh)) == 0
-
-
-def test_pinned_corners_keep_a_polygon():
-    mesh = cut_ring(1)
-    _, held = angle_on(mesh, 1.0)
-    assert angle_on(mesh, 1.0, pinned=held)[0] == 0.0
-    assert angle_on(mesh, 2.0, pinned=held)[0] == pytest.approx(2 * np.pi)
-
-
-@pytest.mark.parametrize("tip", ["round", "pointed"])
-def test_teeth_of_two_facets_are_round_where_they_are_on_one_circle(tip):
-    """Six teeth, between which there is no side on the circle; on pointed ones the middle is off it."""
-    middle = 1.0 if tip == "round" else 1.02
-    angle = (np.arange(6)[:, None] * np.pi / 3 + np.array([-0.3, 0.0, 0.3, 0.35, 0.52, 0.69])).ravel()
-    radius = np.tile([1.0, middle, 1.0, 0.7, 0.7, 0.7], 6)
-    mesh = shells([0.4 * at(angle), radius * at(angle), 3.0 * at(angle)], 2)
-    row = mesh.t.min(axis=0) // 36
-    mesh = mesh.with_subdomains({"teeth": np.flatnonzero(row < 2), "air": np.flatnonzero(row >= 2)})
-    angle, _ = angle_on(mesh, 1.0)
-    assert angle == (pytest.approx(6 * 0.6) if tip == "round" else 0.0)
-
-
 def near_the_right(x):
     return 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]])))
 
@@ -148,33 +109,6 @@ def test_nodes_slide_on_such_circles_and_new_ones_are_on_them(facets, topology):
     near = np.abs(np.hypot(*moved.p) - 2.0) < 1e-9
     assert np.sum(near) > 16 * facets if topology == "recycle" else np.sum(near) == 16 * facets
     assert corners <= {tuple(x) for x in np.round(moved.p[:, near].T, 9)}
-
-
-def in_sectors(inner, outer, n, corners, name):
-    """A ring with n nodes on a circle, in sectors that begin at the nodes `corners`."""
-    mesh = shells([inner * circle(n), outer * circle(n)], 2)
-    x, y = mesh.p[:, mesh.t].mean(axis=1)
-    sector = np.searchsorted(corners, np.arctan2(y, x) % (2 * np.pi) * n / (2 * np.pi) + 1e-9, side="right") - 1
-    mesh = mesh.with_subdomains({f"{name}{k}": np.flatnonzero(sector == k) for k in range(len(corners))})
-    return mesh.with_boundaries({name: lambda x: np.abs(np.hypot(*x) - 1.0) < 0.02})
-
-
-@pytest.mark.parametrize("corners", [(np.arange(24), np.arange(0, 24, 2)), (np.arange(0, 24, 2), np.array([0, 6, 7]))])
-def test_both_sides_of_a_turned_rotor_are_round_and_stay_matched(corners):
-    """At 1c0817b8 recycling failed: the motion maps parts of the rotor to parts of the rotor, too."""
-    angle = 2 * np.pi * 3 / 24
-    rotor = in_sectors(0.5, 1.0, 24, corners[0], "rotor")
-    stator = in_sectors(1.0, 2.0, 24, corners[1], "bore")
-    sets = rotor.subdomains | {name: rows + rotor.t.shape[1] for name, rows in stator.subdomains.items()}
-    mesh = apart(rotor, stator).with_subdomains(sets)
-    pair = [("0 rotor", "1 bore", ka.Rotation(angle))]
-    after = ka.relocate(mesh, near_the_right, periodic=pair, topology="recycle")
-    for each in (mesh, after):
-        assert angle_on(each, 1.0, periodic=pair)[0] == pytest.approx(2 * 2 * np.pi)
-    rotor, bore = (after.p[:, np.unique(after.facets[:, after.boundaries[name]])] for name in ("0 rotor", "1 bore"))
-    turned = np.exp(1j * angle) * (rotor[0] + 1j * rotor[1])
-    assert np.abs(turned[:, None] - (bore[0] + 1j * bore[1])).min(axis=0).max() < 1e-9
-    assert rotor.shape == bore.shape
 
 
 def octagon():

@@ -4,9 +4,6 @@ import numpy as np
 from skfem import MeshTet
 from skfem.generic_utils import OrientedBoundary
 
-BY_NODE = ("position", "shape", "freedom.number", "freedom.place", "freedom.pinned")
-EVEN = np.array([[0, 1, 2, 3], [1, 2, 0, 3], [2, 0, 1, 3], [1, 0, 3, 2], [3, 1, 0, 2], [2, 3, 0, 1]])
-
 
 def box(nx=3, ny=None, nz=None):
     """The unit cube in so many cells along each axis, each of six tetrahedra."""
@@ -64,27 +61,6 @@ def volumes(mesh):
     return np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)) / 6.0
 
 
-def boundary_facts(mesh):
-    """Per boundary the corners of every facet, sorted, and the middle of the element on its side if it has one."""
-    facts = {}
-    for name, rows in mesh.boundaries.items():
-        places = mesh.p[:, mesh.facets[:, np.asarray(rows)]].transpose(2, 1, 0)
-        corners = [tuple(sorted(map(tuple, place.tolist()))) for place in places]
-        side = [None] * len(corners)
-        if isinstance(rows, OrientedBoundary):
-            inside = mesh.p[:, mesh.t[:, mesh.f2t[rows.ori, np.asarray(rows)]]].mean(axis=1).T
-            side = [tuple(np.round(place, 9).tolist()) for place in inside]
-        facts[name] = dict(zip(corners, side, strict=True))
-    return facts
-
-
-def element_facts(mesh):
-    """Per subdomain the corners of its elements, sorted."""
-    places = mesh.p[:, mesh.t].transpose(2, 1, 0).tolist()
-    corners = [tuple(sorted(map(tuple, place))) for place in places]
-    return {name: {corners[e] for e in np.asarray(rows).tolist()} for name, rows in (mesh.subdomains or {}).items()}
-
-
 def neighbours(node):
     """The element across the face opposite to every corner, by comparing sets."""
     found, at = np.full(node.shape, -1, dtype=np.int32), {}
@@ -97,29 +73,6 @@ def neighbours(node):
             elif row[0] >= 0:
                 at[face] = e, k
     return found
-
-
-def scramble(solid, seed=0):
-    """Number nodes, elements and the corners of each anew, and leave rows between them unused, in place."""
-    rng, state = np.random.default_rng(seed), solid.state()
-    used = solid.tetrahedralization.used
-    n, m = len(state["position"]), len(used)
-    place, row, turn = rng.permutation(n), rng.permutation(m + 3), EVEN[rng.integers(len(EVEN), size=m)]
-    own = {name: np.empty_like(state[name]) for name in BY_NODE}
-    for name, array in own.items():
-        array[place] = state[name]
-    node = np.full((m + 3, 4), -1, dtype=np.int32)
-    region, patch = np.zeros(m + 3, dtype=np.int32), np.full((m + 3, 4), -1, dtype=np.int32)
-    node[row[:m]] = np.take_along_axis(place[state["tetrahedra.node"][used]], turn, axis=1)
-    patch[row[:m]] = np.take_along_axis(state["tetrahedra.patch"][used], turn, axis=1)
-    region[row[:m]] = state["tetrahedra.region"][used]
-    set_elements(solid, own, node, region, patch)
-
-
-def set_elements(solid, own, node, region, patch):
-    """Let a solid become these arrays by node and these elements."""
-    elements = {"node": node, "neighbour": neighbours(node), "region": region, "patch": patch}
-    solid.set_arrays({**own, **{f"tetrahedra.{name}": array for name, array in elements.items()}})
 
 
 def extruded(flat, layers=2, height=1.0):
