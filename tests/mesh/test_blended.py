@@ -1,7 +1,5 @@
 """Triangles with arcs as sides."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers.curved_meshes import curved_annulus
@@ -25,14 +23,3 @@ def test_sides_through_three_nodes_of_a_circle_are_arcs():
     assert size.sum() == pytest.approx(2.0 * np.pi, rel=1e-14)
     points = shape.points(element, share)
     assert_allclose(shape.barycentric_coordinates(element, points), share, atol=1e-12)
-
-
-def test_a_midside_node_off_the_bisector_makes_a_parabola():
-    mesh = curved_annulus(8)
-    rim, p = mesh.boundaries["outer"][0], mesh.doflocs.copy()
-    start, end = p[:, mesh.facets[:, rim]].T
-    p[:, mesh.nvertices + rim] += 0.05 * (end - start)
-    shape = Blended(replace(mesh, doflocs=p))
-    quarter, _ = shape.facet_points(np.array([rim]), np.array([0.25]))
-    offset = p[:, mesh.nvertices + rim] - 0.5 * (start + end)
-    assert_allclose(quarter[:, 0, 0], 0.75 * start + 0.25 * end + 0.75 * offset, atol=1e-14)

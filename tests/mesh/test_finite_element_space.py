@@ -133,23 +133,6 @@ def test_values_at_points_are_those_at_quadrature_points(space):
     close(space.in_each(u, nodes(space.order, space.dim, space.arcs))[:, 0], u[space.unknowns[:, 0]], 1e-11)
 
 
-def test_polynomials_are_reproduced(space):
-    if space.axis or space.curved.any():
-        return
-    u, power = np.sum(space.doflocs[1:], axis=0) ** space.order, space.order - 1
-    slope = np.zeros_like(space.points)
-    slope[1:] = space.order * np.sum(space.points[1:], axis=0) ** power
-    close(space.gradient(u), slope, 1e-10)
-    assert space.weights.sum() == pytest.approx(1.0, rel=1e-13)
-
-
-def test_a_uniform_field_along_the_axis_is_exact(space):
-    if not space.axis or space.order == 1 or space.curved.any():
-        return
-    slope = space.gradient(space.doflocs[0] ** 2)
-    close(slope, np.stack([2.0 * space.points[0], 0.0 * slope[1]]), 1e-11)
-
-
 def test_loads_at_points_act_on_all_functions_alike(space):
     rng, u = np.random.default_rng(4), values_of(space)
     if space.dim == 3 and space.curved.any():
@@ -235,6 +218,16 @@ def test_masses_of_facets_are_integrals_of_squares(order, curved):
     close(found, weight * np.hypot(*(end - start)) * (0.5 * of_point @ y ** (2 * order)))
 
 
+def test_arcs_that_fold_an_element_are_refused():
+    mesh = plane(True)
+    p = mesh.doflocs.copy()
+    inner = np.flatnonzero(mesh.f2t[1] >= 0)[0]
+    start, end = p[:, mesh.facets[:, inner]].T
+    p[:, mesh.nvertices + inner] = 0.5 * (start + end) + 1.2 * np.array([start[1] - end[1], end[0] - start[0]])
+    with pytest.raises(ValueError, match="arcs must not fold elements of order 4 and above; they fold"):
+        Space(replace(mesh, doflocs=p), 4).weights  # noqa: B018
+
+
 @pytest.mark.parametrize("order", range(2, 9))
 def test_masses_around_an_axis_have_the_factor_of_the_radius(order):
     space = Space(plane(), order, axis=True)
@@ -254,26 +247,3 @@ def test_tetrahedra_of_order_one_have_four_points_if_a_field_varies():
     close(four.gradient_at_points(u), np.tile(one.gradient(u), 4))
     close(four.mean(four.points[0] ** 2), np.einsum("q,qm->m", np.full(4, 0.25), four.points[0].reshape(4, -1) ** 2))
     close(four.gradient_weights, one.weights)
-
-
-def test_elements_of_another_order_share_their_mesh():
-    space = Space(plane(True), 5)
-    lower = space.at_order(3)
-    assert lower.arcs
-    assert lower.shape is space.shape
-    assert lower.skeleton is space.skeleton
-    u = values_of(lower)
-    raised = np.empty(space.doflocs.shape[1])
-    raised[space.unknowns] = lower.in_each(u, nodes(5, 2, True))
-    few = np.random.default_rng(7).dirichlet(np.ones(3), 4)
-    close(space.in_each(raised, few), lower.in_each(u, few))
-
-
-def test_arcs_that_fold_an_element_are_refused():
-    mesh = plane(True)
-    p = mesh.doflocs.copy()
-    inner = np.flatnonzero(mesh.f2t[1] >= 0)[0]
-    start, end = p[:, mesh.facets[:, inner]].T
-    p[:, mesh.nvertices + inner] = 0.5 * (start + end) + 1.2 * np.array([start[1] - end[1], end[0] - start[0]])
-    with pytest.raises(ValueError, match="arcs must not fold elements of order 4 and above; they fold"):
-        Space(replace(mesh, doflocs=p), 4).weights  # noqa: B018

@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 import skfem
 from helpers import tetrahedra
-from helpers.meshes import comb, generic_square, holed, inset, l_shape, perturbed, slit, square
+from helpers.meshes import comb, generic_square, holed, l_shape, perturbed, slit, square
 from helpers.tetrahedra import hollow
 from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt
-from kohonen_adapt import density_from_sizes, relocate
 from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
 
 MESHES = {
@@ -54,13 +53,6 @@ def test_facets_are_those_of_scikit_fem(name, seed):
     fresh = type(mesh)(mesh.p, mesh.t, sort_t=False)
     number_facets(fresh)
     assert_numbered_as_scikit_fem_does(fresh)
-
-
-def test_what_is_known_is_not_worked_out_again():
-    mesh = l_shape(3)
-    known = mesh.facets, mesh.t2f, mesh.f2t
-    number_facets(mesh)
-    assert all(mine is before for mine, before in zip((mesh.facets, mesh.t2f, mesh.f2t), known, strict=True))
 
 
 PACKAGE = Path(kohonen_adapt.__file__).parent
@@ -113,14 +105,3 @@ def test_names_are_put_on_where_scikit_fem_looks_for_them(no_sorting):
     assert type(moved) is type(mesh)
     assert_array_equal(moved.p, 2.0 * mesh.p)
     assert remade(mesh, mesh.p, mesh.t, boundaries=None, subdomains=None).boundaries is None
-
-
-@pytest.mark.parametrize("topology", ["fixed", "flip"])
-def test_a_relocated_mesh_knows_its_own_facets(topology):
-    mesh = inset(8).with_boundaries({"left": lambda x: x[0] == 0.0})
-    size = 0.05 + 0.2 * np.hypot(*mesh.p[:, mesh.t].mean(axis=1))
-    moved = relocate(mesh, density_from_sizes(mesh, size), topology=topology)
-    assert np.any(moved.t != mesh.t) == (topology == "flip")
-    assert hasattr(moved, "_facets")
-    assert_numbered_as_scikit_fem_does(moved)
-    assert_array_equal(moved.p[0, moved.facets[:, moved.boundaries["left"]]], 0.0)

@@ -8,7 +8,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.search import TOLERANCE
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -75,12 +74,3 @@ def test_what_lies_beyond_a_bent_rim_is_outside():
     bent = with_midside_offsets(straight, off)
     assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[0] == -1
     assert ka.find_elements(bent, [[0.25, 0.25], [0.05, 0.11]]).tolist()[1] >= 0
-
-
-def test_nodes_and_points_that_are_none():
-    mesh = MESHES["disk"]()
-    assert np.all(ka.find_elements(mesh, mesh.p) >= 0)
-    x = np.array([[np.nan, np.inf, 0.0], [0.0, 0.0, 0.0]])
-    assert (ka.find_elements(mesh, x) >= 0).tolist() == [False, False, True]
-    assert ka.find_elements(mesh, np.empty((2, 0))).shape == (0,)
-    assert TOLERANCE < 1e-9

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import centres, circle, disk, l_shape, ring, shells, square
+from helpers.meshes import centres, circle, disk, ring, shells, square
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
 from skfem.generic_utils import OrientedBoundary
@@ -62,40 +62,6 @@ def test_a_rotor_and_a_stator_become_one():
     assert len(mesh.boundaries["outer"]) == N + 2
     for was, now in zip(before, bits(inner, outer), strict=True):
         assert_array_equal(was, now)
-
-
-def test_sides_of_oriented_boundaries_stay():
-    left, right = square(4), square(4).translated((1.0, 0.0))
-    seams = []
-    for mesh, at in ((left, 0.5), (right, 1.5)):
-        facet = mesh.facets_satisfying(lambda x, at=at: np.abs(x[0] - at) < 1e-9)
-        low = centres(mesh)[0, mesh.f2t[0, facet]] < at
-        seams.append(
-            mesh.with_boundaries({"seam": OrientedBoundary(facet, (~low).astype(int)), "rim": mesh.boundary_facets()})
-        )
-    mesh = ka.merge(*seams)
-    seam = mesh.boundaries["seam"]
-    assert isinstance(seam, OrientedBoundary) and len(seam) == 8
-    middle = mesh.p[0, mesh.facets[:, seam]].mean(axis=0)
-    assert np.all(centres(mesh)[0, mesh.f2t[seam.ori, np.asarray(seam)]] < middle)
-    assert not isinstance(mesh.boundaries["rim"], OrientedBoundary)
-    assert len(mesh.boundaries["rim"]) == len(mesh.boundary_facets()) + 4  # the shared side is inside now
-
-
-def test_meshes_without_names_have_none():
-    mesh = ka.merge(square(2), square(2).translated((1.0, 0.0)))
-    assert mesh.boundaries is None and mesh.subdomains is None
-
-
-def test_a_part_of_an_outline_may_be_shared():
-    """An L and the square that is missing: two sides are shared, and the corner between them."""
-    corner = square(4).translated((0.0, -1.0))
-    mesh = ka.merge(l_shape(4), corner)
-    assert mesh.p.shape[1] == 81 and len(mesh.boundary_facets()) == 32
-
-
-def test_rounding_is_no_mismatch():
-    assert ka.merge(rotor(), stator().translated((3e-7, 0.0))).p.shape == ka.merge(rotor(), stator()).p.shape
 
 
 @pytest.mark.parametrize(
@@ -165,16 +131,6 @@ def test_what_turns_is_carried_and_the_rest_stays(steps):
     x, y = new.p[:, new.facets[:, new.boundaries["pole"]]].mean(axis=1)
     assert np.all(np.cos(angle) * x + np.sin(angle) * y > 0.0)
     assert len(new.boundary_facets()) == 96
-
-
-def test_turned_by_nothing_and_there_and_back():
-    mesh = machine()
-    same = ka.turned(mesh, ["rotor"], 0.0)
-    assert_array_equal(same.p, mesh.p)
-    assert_array_equal(same.t, mesh.t)
-    back = ka.turned(ka.turned(mesh, "rotor", 5 * np.pi / 48), "rotor", -5 * np.pi / 48)
-    assert_allclose(back.p, mesh.p, atol=1e-15)
-    assert_array_equal(back.t, mesh.t)
 
 
 def on_arcs(mesh):
@@ -252,15 +208,6 @@ def test_what_is_turned_out_of_a_sector_stays_there(oriented):
         ka.turned(mesh, "rotor", 20 * np.pi / 24)
 
 
-def test_a_ring_between_two_circles_turns_about_another_centre():
-    mesh, centre = machine().translated((3.0, -1.0)), (3.0, -1.0)
-    radius = np.hypot(*(centres(mesh) - np.reshape(centre, (2, 1))))
-    between = (radius > 0.5) & (radius < 1.0625)
-    new = ka.turned(mesh.with_subdomains({"gap": np.flatnonzero(between)}), "gap", np.pi / 48, centre=centre)
-    assert new.is_valid() and area(new).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
-    assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)
-
-
 def uneven():
     """The same ring of nodes but for one."""
     angle = np.arange(24) * STEP + np.where(np.arange(24) == 5, 0.01, 0.0)
@@ -308,3 +255,12 @@ def test_nodes_that_are_not_evenly_spaced_are_refused():
     rotor_ = np.flatnonzero(np.hypot(*centres(mesh)) < 0.5 * np.cos(STEP / 2))
     with pytest.raises(ValueError, match=rf"must be evenly spaced; they are ({angle}) apart\. Mesh it so"):
         ka.turned(mesh.with_subdomains({"rotor": rotor_}), "rotor", STEP)
+
+
+def test_a_ring_between_two_circles_turns_about_another_centre():
+    mesh, centre = machine().translated((3.0, -1.0)), (3.0, -1.0)
+    radius = np.hypot(*(centres(mesh) - np.reshape(centre, (2, 1))))
+    between = (radius > 0.5) & (radius < 1.0625)
+    new = ka.turned(mesh.with_subdomains({"gap": np.flatnonzero(between)}), "gap", np.pi / 48, centre=centre)
+    assert new.is_valid() and area(new).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
+    assert_allclose(new.p[:, new.t[:, ~between]], mesh.p[:, mesh.t[:, ~between]], atol=1e-14)

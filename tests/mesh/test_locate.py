@@ -94,19 +94,6 @@ def test_points_are_found_in_the_element_that_holds_them_and_nowhere_else(name):
 
 
 @every_mesh
-def test_nodes_and_middles_lie_in_the_mesh(name):
-    mesh = MESHES[name]
-    sides = [mesh.facets] if name in PLANE else [mesh.facets, mesh.edges]
-    if name == "far":  # where coordinates have six digits less, middles on the outline may be outside by these
-        sides = [mesh.t]
-    x = np.hstack([mesh.p, *(mesh.p[:, nodes].mean(axis=1) for nodes in sides)])
-    for search in (ka.find_elements, elements_at):
-        found = search(mesh, x)
-        assert found.min() >= 0
-        assert np.min(shares(mesh, x).min(axis=0)[found, np.arange(len(found))]) > -1e-9
-
-
-@every_mesh
 def test_linear_functions_are_reproduced_and_outside_there_is_nan(name):
     mesh = MESHES[name]
     x = points_around(mesh)
@@ -132,32 +119,6 @@ def test_points_at_infinity_and_without_a_place_are_outside(mesh):
     assert ka.interpolate(mesh, np.ones(mesh.nvertices), np.empty((dim, 0))).shape == (0,)
 
 
-def test_a_nan_in_the_values_stays_where_it_is():
-    values = np.ones(16)
-    values[0] = np.nan
-    mesh = square(3)
-    result = ka.interpolate(mesh, values, mesh.p[:, mesh.t].mean(axis=1))
-    assert_array_equal(np.isnan(result), (mesh.t == 0).any(axis=0))
-
-
-@pytest.mark.parametrize("mesh", [perturbed(meshes.l_shape(3), 1), thrown(fichera(2), 1)], ids=["plane", "space"])
-@pytest.mark.parametrize("exponent", [-60, -30, 30, 60])
-def test_location_does_not_depend_on_the_size_of_the_mesh(mesh, exponent):
-    x, scale = points_around(mesh), 2.0**exponent
-    scaled = type(mesh)(scale * mesh.p, mesh.t)
-    assert_array_equal(ka.find_elements(scaled, scale * x), ka.find_elements(mesh, x))
-
-
-def test_the_order_and_number_of_points_do_not_matter():
-    """Points are sorted, shared out to threads and searched in parts; each finds what it finds alone."""
-    mesh = thrown(box(5), 2)
-    x = np.random.default_rng(0).uniform(-0.05, 1.05, (3, 20_000))
-    found = ka.find_elements(mesh, x)
-    back = np.random.default_rng(1).permutation(x.shape[1])
-    assert_array_equal(ka.find_elements(mesh, x[:, back]), found[back])
-    assert_array_equal(ka.find_elements(mesh, x[:, :50]), found[:50])
-
-
 def tessellated(mesh):
     return (Triangulation if len(mesh.p) == 2 else Tetrahedralization).of(mesh)
 
@@ -176,14 +137,6 @@ def test_a_walk_from_any_element_ends_where_a_search_does(name, across_regions):
         start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
     found = walk_to_elements(tessellation, points, start, across_regions)
     assert_array_equal(found, np.arange(len(points)))
-
-
-@pytest.mark.parametrize("mesh", [square(8), box(8)], ids=["plane", "space"])
-def test_what_no_element_holds_is_said_to_be_in_one_nearby(mesh):
-    place, tessellation = np.array([1.0, 0.53, 0.32])[: len(mesh.p)], tessellated(mesh)
-    beyond = place + [1e-6, *[0.0] * (len(place) - 1)]
-    (found,) = walk_to_elements(tessellation, beyond[None], np.array([0], dtype=np.int32), across_regions=False)
-    assert tessellation.centroids()[found] == pytest.approx(place, abs=0.15)
 
 
 def test_rows_that_are_not_in_use_hold_no_point():

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from kohonen_adapt.mesh.shapes import (
     density_and_shape,
     mean_tensors,
-    round_shapes,
     unpacked,
 )
 
@@ -33,14 +32,6 @@ def test_density_and_shape_are_those_of_the_eigenvalues(dim, long, ratio):
     density, shape = density_and_shape(tensors)
     assert_allclose(density, np.sqrt(eigenvalues.prod(axis=1)), rtol=1e-15 * (ratio**2 + 10))
     assert_allclose(density[:, None, None] ** (2.0 / dim) * unpacked(shape), tensors, rtol=1e-12, atol=1e-12 * ratio**2)
-
-
-@pytest.mark.parametrize("dim", DIMS)
-def test_multiples_of_the_identity_are_round(dim):
-    size = np.random.default_rng(0).uniform(1e-5, 1e5, 1000)
-    density, shape = density_and_shape(np.eye(dim) * size[:, None, None])
-    assert_allclose(density, size ** (dim / 2.0), rtol=1e-15)
-    assert_allclose(shape, round_shapes(1000, dim), rtol=1e-15)
 
 
 @pytest.mark.parametrize("dim", DIMS)

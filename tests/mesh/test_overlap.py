@@ -38,14 +38,6 @@ def spiral(turns, rise):
     return MeshTri(radius * np.stack([np.cos(angle), np.sin(angle)]), mesh.t)
 
 
-def scattered(cell, count, size, seed):
-    """Elements at random, none connected with another."""
-    rng = np.random.default_rng(seed)
-    dim = cell.elem.refdom.dim()
-    corners = rng.uniform(0.0, 1.0, (dim, count, 1)) + size * rng.uniform(-1.0, 1.0, (dim, count, dim + 1))
-    return cell(corners.reshape(dim, -1), np.arange((dim + 1) * count).reshape(count, dim + 1).T)
-
-
 def lies_on_itself(mesh):
     """Whether any centroid is inside another element, each compared with each."""
     cell, corners = cell_of(mesh), mesh.p[:, mesh.t]
@@ -112,16 +104,6 @@ def test_what_only_touches_itself_passes(name, scale, shift):
     assert not is_refused(type(mesh)(scale * (mesh.p + shift), mesh.t))
 
 
-SIZE = {MeshTri: 0.06, MeshTet: 0.25}  # of elements: every other mesh of them overlaps
-
-
-@pytest.mark.parametrize("cell", SIZE)
-def test_as_each_element_compared_with_each(cell):
-    meshes = [scattered(cell, 30, SIZE[cell], seed) for seed in range(20)]
-    wanted = [lies_on_itself(mesh) for mesh in meshes]
-    assert [is_refused(mesh) for mesh in meshes] == wanted and set(wanted) == {False, True}
-
-
 def test_bent_sides_that_meet_on_a_circle_may_have_chords_that_cross():
     """Two rings that slide on one another, turned by half a side, the outer one thin."""
     inner, outer = ring(8, 1, 0.5, 1.0), ring(8, 1, 1.0, 1.05)
@@ -159,8 +141,3 @@ def test_every_way_in_says_where_and_what_to_do(call):
         refused.value
     )
     assert "BooleanFragments" in str(refused.value) and "Coherence" in str(refused.value)
-
-
-def test_volumes():
-    with pytest.raises(ValueError, match=r"so volumes count twice\. Cut the volumes of the drawing at one another"):
-        ka.relocate(OVERLAPPING["boxes"], np.ones(OVERLAPPING["boxes"].nelements))

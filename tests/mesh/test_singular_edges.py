@@ -5,16 +5,13 @@ import pytest
 from helpers.magnet_solids import blocks, nested_balls
 from helpers.meshes import disk, square
 from helpers.solids import box, extruded
-from helpers.tetrahedra import fichera
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTetP2, MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.geometry.plane.polylines import CORNER
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
-from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 from kohonen_adapt.mesh.corners import singular_nodes
-from kohonen_adapt.mesh.singular_edges import SHARP, singular_edges
+from kohonen_adapt.mesh.singular_edges import singular_edges
 from kohonen_adapt.problem.singular_nodes import materials_of
 
 STEPS = np.linspace(0.0, 1.0, 5)
@@ -51,30 +48,6 @@ def box_in_air():
 
 def at_corners_of_box(mesh, corners):
     return corners.size == 8 and np.allclose(np.abs(mesh.p[:, corners] - 0.5), 0.25)
-
-
-def prism():
-    t = np.linspace(-1.0, 1.0, 5)
-    mesh = MeshTet.init_tensor(t, t, STEPS)
-    x, y, _ = mesh.p[:, mesh.t].mean(axis=1)
-    return mesh.restrict(np.flatnonzero(~((x > 0) & (y < 0))))
-
-
-def test_an_edge_that_ends_obliquely_has_a_corner_there():
-    mesh = prism()
-    mesh = MeshTet(mesh.p * (1.0 + np.outer([0.0, 0.0, 0.5], mesh.p[0])), mesh.t)  # the upper end is tilted
-    _, corners = found(mesh)
-    assert_allclose(mesh.p[:, corners], [[0.0], [0.0], [1.0]], atol=1e-12)
-
-
-def test_ficheras_corner_has_three_edges():
-    mesh = fichera(2)
-    edges, corners = found(mesh)
-    inner = mesh.p[:, corners]
-    assert corners.size == 1 and length(mesh, edges) == pytest.approx(3.0 * np.ptp(mesh.p[0]) / 2.0)
-    for edge in edges.T:
-        assert np.count_nonzero(np.ptp(mesh.p[:, edge], axis=1) > 1e-12) == 1
-        assert np.count_nonzero(np.isclose(mesh.p[:, edge].mean(axis=1), inner[:, 0])) == 2
 
 
 @pytest.mark.parametrize("axes", ["xy", "yz"])
@@ -157,17 +130,6 @@ def test_round_surfaces_have_no_edges_and_circles_no_corners(curved, half):
             assert length(mesh, edges) == pytest.approx(0.5 * polygons) and corners.size == 0
 
 
-def test_a_circle_counts_as_a_whole():
-    """A disc magnetised along x has no charge on the edges at its highest and lowest node."""
-    mesh = round_bar()
-    edges, corners = found(mesh, flux=np.outer([1.0, 0.0, 0.0], [0.0, 1.0]), region=region_of(mesh, "inner"))
-    assert length(mesh, edges) == pytest.approx(36 * np.sin(np.pi / 18)) and corners.size == 0
-
-
-def test_the_geometry_has_the_same_corners():
-    assert SHARP == CORNER
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_upright_edges_are_singular_where_the_plane_is(seed):
     """Of random materials and conditions drawn along z, with natural ends."""
@@ -216,39 +178,3 @@ def test_orders_of_nodes_and_elements_do_not_matter(seed):
         assert_array_equal(own, np.unique(np.sort(node[edges], axis=0), axis=1))
         assert_array_equal(own_corners, np.sort(node[corners]))
         assert_array_equal(turned.t, t)
-
-
-def test_parts_that_touch_along_an_edge():
-    mesh = box(2)
-    x, y, _ = mesh.p[:, mesh.t].mean(axis=1) - 0.5
-    edges, corners = found(mesh.restrict(np.flatnonzero(x * y > 0)))
-    assert edges.size == corners.size == 0
-
-
-def test_a_scalar_potential_has_the_edges_of_its_functional():
-    mesh, _ = box_in_air()
-    magnet, air = Material(1.1, remanence=(0.0, 0.0, 1.0)), Material()
-    for order in (1, 2):
-        problem = MagneticScalarPotential({"inner": magnet, "air": air}, {"outer": 0.0}, order=order)
-        field = problem.solve(mesh)
-        edges, corners = problem.singular_edges(mesh, field)
-        of_ritz = singular_edges(mesh, materials_of(mesh, problem.ritz(mesh, field)))
-        assert_array_equal(edges, of_ritz[0])
-        assert_array_equal(corners, of_ritz[1])
-        assert at_corners_of_box(mesh, corners)
-
-
-class Law:
-    """The identity, as a law."""
-
-    def field_strength(self, b):
-        return b
-
-    def energy(self, b):
-        return 0.5 * b**2
-
-
-def test_the_shift_of_a_law_is_a_magnet():
-    mesh, region = box_in_air()
-    edges, _ = found(mesh, laws=[None, Law()], shift=np.outer([0.0, 0.0, 1.0], [0.0, 1.0]), region=region)
-    assert length(mesh, edges) == pytest.approx(4.0)

@@ -39,19 +39,6 @@ def test_regions_are_connected_sets_of_one_material_in_the_order_of_their_elemen
     assert_array_equal(region, slow)
 
 
-def test_the_star_follows_the_elements():
-    triangulation = Triangulation.of(generic_square(6, 1))
-    copy = triangulation.copy()
-    for each in (triangulation, copy):
-        star = each.star
-        for v in range(each.nnodes):
-            rows = slice(star.start[v], star.start[v + 1])
-            assert star.element[rows].tolist() == np.flatnonzero(np.any(each.elements.node == v, axis=1)).tolist()
-            for e, a, b in zip(star.element[rows], star.ahead[rows], star.behind[rows], strict=True):
-                k = each.elements.node[e].tolist().index(v)
-                assert (a, b) == (each.elements.node[e, (k + 1) % 3], each.elements.node[e, (k + 2) % 3])
-
-
 @pytest.mark.parametrize(
     ("node", "fold"),
     [
@@ -63,3 +50,16 @@ def test_the_star_follows_the_elements():
 def test_elements_on_one_another_are_refused(node, fold):
     with pytest.raises(ValueError, match=f"tangled: element {fold} shares an edge"):
         neighbours_of(np.array(node, dtype=np.int32), np.zeros((7, 2)))
+
+
+def test_the_star_follows_the_elements():
+    triangulation = Triangulation.of(generic_square(6, 1))
+    copy = triangulation.copy()
+    for each in (triangulation, copy):
+        star = each.star
+        for v in range(each.nnodes):
+            rows = slice(star.start[v], star.start[v + 1])
+            assert star.element[rows].tolist() == np.flatnonzero(np.any(each.elements.node == v, axis=1)).tolist()
+            for e, a, b in zip(star.element[rows], star.ahead[rows], star.behind[rows], strict=True):
+                k = each.elements.node[e].tolist().index(v)
+                assert (a, b) == (each.elements.node[e, (k + 1) % 3], each.elements.node[e, (k + 2) % 3])

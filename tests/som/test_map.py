@@ -60,24 +60,6 @@ def test_training_is_equation_1_under_the_guard(kind, neighbourhood, radius, rat
     assert len(moved_nodes(mesh, som.mesh)) > 0.4 * movable.sum()
 
 
-def test_an_epoch_presents_every_point_once():
-    mesh, place = square(30), np.linspace(0.1, 0.9, 4)
-    points = np.stack(np.meshgrid(place, place)).reshape(2, -1) + 0.013  # so far apart that no order matters
-    at_once, by_one = (KohonenMap(mesh, topology="fixed") for _ in range(2))
-    (error,) = at_once.train(points, one(1, 0.4))
-    errors = [by_one.train(x[:, None], one(1, 0.4))[0] for x in points.T]
-    assert error == pytest.approx(np.mean(errors), rel=1e-13)
-    assert_array_equal(at_once.mesh.p, by_one.mesh.p)
-
-
-def test_the_order_in_which_points_are_given_does_not_matter():
-    mesh = generic_square(6)
-    points, _ = points_of(mesh, 80, 1)
-    one_way, other_way = (KohonenMap(mesh) for _ in range(2))
-    assert one_way.train(points, Schedule.paper()) == other_way.train(points[:, ::-1], Schedule.paper())
-    assert_array_equal(one_way.mesh.p, other_way.mesh.p)
-
-
 @pytest.mark.parametrize("radius", [0, 1, 3])
 def test_deep_inside_a_part_nothing_reaches_another(radius):
     tri = Triangulation.of(generic_square(16))
@@ -112,21 +94,6 @@ def test_learning_rate_times_weight_is_capped_at_1(weight):
     assert_allclose(som.mesh.p[:, winner], x[:, 0], rtol=1e-15)
 
 
-def test_weights_multiply_the_learning_rate():
-    mesh, x = square(4), np.array([[0.3], [0.27]])
-    halved, weighted = (KohonenMap(mesh, topology="fixed") for _ in range(2))
-    halved.train(x, one(1, 0.25))
-    weighted.train(x, one(1, 0.5), weights=[0.5])
-    assert_array_equal(halved.mesh.p, weighted.mesh.p)
-    assert not moved_nodes(mesh, still(mesh, x))
-
-
-def still(mesh, x):
-    som = KohonenMap(mesh, topology="fixed")
-    som.train(x, one(1, 0.5), weights=[0.0])
-    return som.mesh
-
-
 def test_training_stops_when_the_error_is_below_the_tolerance():
     mesh = square(10)
     points = np.random.default_rng(0).random((2, 300)) ** 2
@@ -151,13 +118,6 @@ def test_a_callable_is_asked_once_per_epoch_or_once(fresh, calls):
     errors = KohonenMap(square(4)).train(draw, Schedule(stages, fresh=fresh))
     assert len(errors) == 3
     assert asked == calls
-
-
-def test_a_callable_may_weigh_its_points():
-    draw = lambda number, rng: (rng.random((2, number)), np.zeros(number))  # noqa: E731
-    som = KohonenMap(square(4), topology="fixed")
-    som.train(draw)
-    assert not moved_nodes(square(4), som.mesh)
 
 
 @pytest.mark.parametrize("mesh", [square(10), box(5)], ids=["plane", "space"])

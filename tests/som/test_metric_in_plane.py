@@ -44,14 +44,6 @@ def test_elements_are_regular_in_a_constant_metric(ratio, angle):
     assert np.median(qualities) > 0.8
 
 
-def test_a_function_may_return_tensors():
-    def tensors(x):
-        return np.tile(turned(5.0, 0.7), (x.shape[1], 1, 1)) * (1.0 + x[0])[:, None, None]
-
-    mesh = ka.relocate(MESH, tensors, topology="recycle")
-    assert ka.quality(in_metric(mesh, turned(5.0, 0.7))).mean() > 0.8
-
-
 @examples(30)
 @given(st.integers(0, 2**32 - 1))
 def test_the_winner_is_the_nearest_node_in_the_metric_of_the_point(seed):

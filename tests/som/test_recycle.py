@@ -22,9 +22,8 @@ import kohonen_adapt as ka
 from kohonen_adapt import Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import SLIDING
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
-from kohonen_adapt.som.recycling import RATIO, recycle_nodes, starts_of
+from kohonen_adapt.som.recycling import recycle_nodes
 from kohonen_adapt.som.training_points import density_of
 
 MESHES = {
@@ -45,37 +44,9 @@ def recycled(mesh, density, *, pinned=(), target=None, pairs=True, min_quality=0
     return movable, recycle_nodes(movable, wanted, target or mesh.p.shape[1], pairs)
 
 
-def spread(mesh, density):
-    """Longest over shortest edge in the metric of a density per node."""
-    a, b = mesh.facets
-    length = np.hypot(*(mesh.p[:, a] - mesh.p[:, b])) * (density[a] * density[b]) ** 0.25
-    return length.max() / length.min()
-
-
 @pytest.fixture(params=MESHES, ids=str)
 def mesh(request):
     return MESHES[request.param]
-
-
-def test_the_number_of_nodes_stays_and_nodes_go_where_the_density_is(mesh):
-    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9))
-    after, kept = movable.mesh(), done.old >= 0
-    assert after.p.shape == mesh.p.shape
-    assert done.splits == done.collapses > 10
-    near = lambda each: np.count_nonzero(np.hypot(each.p[0] - 0.4, each.p[1] - 0.9) < 0.15)  # noqa: E731
-    assert near(after) > 2 * near(mesh)
-    assert np.array_equal(after.p[:, kept], mesh.p[:, done.old[kept]])  # old nodes keep their place
-    assert len(np.unique(done.old[kept])) == np.count_nonzero(kept)
-    assert np.count_nonzero(~kept) <= done.splits
-
-
-def test_neighbours_in_the_plane_are_so_in_memory():
-    mesh = square(48)
-    tri = recycled(mesh, peak(mesh, 0.4, 0.9))[0].triangulation
-    away = np.abs(np.diff(tri.elements.node, axis=1))
-    assert np.median(away) < 0.01 * tri.nnodes
-    beyond = np.abs(tri.elements.neighbour - np.arange(len(away))[:, None])
-    assert np.median(beyond[tri.elements.neighbour >= 0]) < 0.01 * len(away)
 
 
 def test_the_arrays_are_those_of_the_mesh_they_make(mesh):
@@ -103,33 +74,6 @@ def edges_on_chains(triangulation):
     return {frozenset(pair) for pair in zip(node[e, (k + 1) % 3].tolist(), node[e, (k + 2) % 3].tolist(), strict=True)}
 
 
-def test_edges_become_alike_in_the_metric():
-    mesh = square(24)
-    density = peak(mesh, 0.4, 0.6, contrast=1e3)
-    movable, done = recycled(mesh, density, min_quality=0.1)
-    at_nodes = lambda x: 1.0 + 1e3 * np.exp(-((x[0] - 0.4) ** 2 + (x[1] - 0.6) ** 2) / 0.01)  # noqa: E731
-    assert spread(movable.mesh(), at_nodes(movable.mesh().p)) < 0.4 * spread(mesh, at_nodes(mesh.p))
-    assert RATIO > 1 and done.splits > 0
-
-
-def test_a_mesh_that_has_the_density_is_left_alone():
-    mesh = square(12)
-    movable, done = recycled(mesh, np.ones(mesh.t.shape[1]))
-    assert (done.splits, done.collapses) == (0, 0)
-    assert np.array_equal(movable.mesh().t, mesh.t)
-
-
-def test_growth_keeps_every_node_and_reaches_the_number(mesh):
-    count = mesh.p.shape[1]
-    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=3 * count, pairs=False)
-    assert (done.splits, done.collapses) == (2 * count, 0)
-    assert movable.mesh().p.shape[1] == 3 * count
-    assert np.array_equal(movable.mesh().p[:, :count], mesh.p)
-    grown, done = recycled(mesh, peak(mesh, 0.4, 0.9), target=2 * count)
-    assert grown.mesh().p.shape[1] == 2 * count
-    assert done.splits - done.collapses == count
-
-
 def fan():
     """Three triangles from the end of a side to short edges at its beginning, too thin for a half of one to do."""
     p = np.array([[0.0, 4.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.75, 1.5, 2.25]])
@@ -147,22 +91,6 @@ def test_growth_divides_long_sides_between_elements_that_are_too_thin_to_be_halv
     assert ka.quality(made).min() >= 0.3
     assert np.count_nonzero(made.p[1] == 0.0) > 4
     assert np.array_equal(movable.mesh().p[:, done.old >= 0], mesh.p[:, done.old[done.old >= 0]])
-
-
-def test_growth_that_no_flip_makes_room_for_leaves_the_mesh_as_it_was():
-    thin = MeshTri(np.array([[0.0, 4.0, 0.0], [0.0, 0.0, 0.75]]), np.array([[0, 1, 2]]).T)
-    movable, done = recycled(thin, np.ones(1), target=60, pairs=False)
-    assert done.splits == 0 and movable.mesh().nvertices == 3
-    check_mesh(movable.mesh())
-
-
-def test_every_old_element_has_a_start_in_its_region(mesh):
-    movable, done = recycled(mesh, peak(mesh, 0.4, 0.9, contrast=1e6))
-    before, now = Triangulation.of(mesh), movable.triangulation
-    region = before.elements.region
-    for e, start in enumerate(starts_of(before, done)):
-        around = now.star.element[now.star.start[start] : now.star.start[start + 1]]
-        assert region[e] in now.elements.region[around]
 
 
 def test_heaps_that_fill_up_are_filled_anew():

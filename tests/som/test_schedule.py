@@ -25,13 +25,6 @@ def test_the_papers_rate_falls_geometrically_over_all_epochs_together(epochs):
     assert [stage.epochs for stage in schedule.stages] == [count for count in epochs if count]
 
 
-def test_rates_fall_geometrically_from_the_first_to_the_last_epoch():
-    assert Stage(1, 3, (0.4, 0.1)).rates() == pytest.approx([0.4, 0.2, 0.1], rel=1e-14)
-    assert Stage(1, 2, 0.3).rates().tolist() == [0.3, 0.3]
-    assert Stage(1, 1, (0.4, 0.1)).rates().tolist() == [0.4]
-    assert Stage(1, 0, 0.3).rates().shape == (0,)
-
-
 def test_neighbourhoods():
     assert Stage(3, 1, 0.3, neighbourhood="flat").strength().tolist() == [1, 1, 1, 1]
     assert Stage(0, 1, 0.3).strength().tolist() == [1]
@@ -55,25 +48,6 @@ def test_the_default_starts_where_it_is_told():
     assert [stage.radius for stage in Schedule.default(12545, radius=2).stages] == [2, 1]
     assert [stage.radius for stage in Schedule.default(12545, radius=0).stages] == [1]
     assert [stage.radius for stage in Schedule.default(12545, radius=8, topology="fixed").stages] == [4, 2, 1]
-
-
-@pytest.mark.parametrize("nnodes", [1, 50, 1000, 10**6])
-@pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
-def test_the_default_costs_no_more_per_node_at_wide_radii(nnodes, topology):
-    for stage in Schedule.default(nnodes, topology=topology).stages:
-        assert stage.points_per_neuron <= 2
-        assert stage.epochs * stage.points_per_neuron * stage.radius**2 <= 10.0
-        assert max(stage.rates()) <= 0.45
-
-
-def test_stages_may_come_in_any_sequence_and_cannot_be_changed():
-    stage = Stage(1, 1, 0.3)
-    schedule = Schedule([stage])
-    assert schedule.stages == (stage,)
-    with pytest.raises(AttributeError):
-        schedule.sweeps = 3
-    with pytest.raises(AttributeError):
-        stage.radius = 3
 
 
 @pytest.mark.parametrize(

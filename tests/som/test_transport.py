@@ -6,68 +6,40 @@ from helpers.alternatives import signed_quality
 from helpers.examples import examples
 from helpers.meshes import (
     SHAPES,
-    area_of,
-    areas_of,
     generic_square,
-    peak,
     perturbed,
     square,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.arrays import FREE
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
-    find_directions,
     mark_spoiled,
     slow_down,
     smooth_moves,
     stop_nodes,
     sum_weights,
 )
-from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
-from kohonen_adapt.som.transport import FLOWS, Transport, clusters_of, symmetric, wanted_inflow
+from kohonen_adapt.som.transport import FLOWS, symmetric, wanted_inflow
 
 element_quality = interpreted(element_quality)
 
 FLOOR = 0.3
-ROUNDS = Schedule((), rounds=3)
 
 
 def parts_of(mesh):
     movable = MovableMesh.of(mesh, Rules())
     return movable.triangulation, movable.constraints
-
-
-def rank_of(tri):
-    return np.argsort(along_curve(tri.position))
-
-
-def wins_per_element(mesh, density, seed=5):
-    """Mass of many training points in every element, as transport sums it up."""
-    movable = MovableMesh.of(mesh, Rules())
-    tri = movable.triangulation
-    shown = density_of(tri, density).draw(40 * tri.nnodes, np.random.default_rng(seed))
-    winners = winners_of(movable, shown)
-    mass = np.empty(len(tri.elements.node))
-    sum_weights(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
-    return mass
-
-
-def winners_of(movable, shown):
-    """The winners of training points that were drawn from the mesh as it is."""
-    return Trainer.of(movable).search(shown, movable.triangulation.elements.node[shown.element, 0])[0]
 
 
 @pytest.mark.parametrize("kind", ["inset", "junction"])
@@ -99,24 +71,6 @@ def test_smoothing_is_the_mean_of_the_neighbours():
     assert np.all(smoothed[on_outline, 1][(y == 0) | (y == 1)] == 0)
 
 
-def test_clusters_on_outlines_flow_along_them():
-    mesh = square(24)
-    tri, constraints = parts_of(mesh)
-    cluster = clusters_of(tri, rank_of(tri))
-    along = np.empty((cluster.max() + 1, 3))
-    find_directions(tri.elements.node, constraints, cluster, np.empty(len(along)), along)
-    seen = set()
-    for c, matrix in enumerate(along.tolist()):
-        x, y = tri.position[np.unique(tri.elements.node[cluster == c])].T
-        upright, level = bool(np.any((x == 0) | (x == 1))), bool(np.any((y == 0) | (y == 1)))
-        seen.add((upright, level))
-        if not (upright and level):
-            assert matrix == [0.0 if level < upright else 1.0, 0.0, 0.0 if upright < level else 1.0]
-        else:
-            assert 0 < matrix[0] + matrix[2] < 1
-    assert len(seen) == 4
-
-
 def test_flow_balances_what_clusters_ask_for():
     row, column = np.array([0, 1, 2, 4]), np.array([1, 2, 3, 5])  # two parts, and a cluster that touches no other
     conductance, size = np.array([1.0, 2.0, 0.5, 3.0]), np.array([32.0, 30.0, 31.0, 33.0, 32.0, 32.0, 7.0])
@@ -131,18 +85,6 @@ def test_flow_balances_what_clusters_ask_for():
     np.add.at(balance, column, flux)
     np.add.at(balance, row, -flux)
     assert_allclose(balance, inflow, atol=1e-6 * np.abs(inflow).max())
-
-
-@pytest.mark.parametrize("kind", SHAPES)
-def test_clusters_lie_in_one_region_and_are_of_one_size(kind):
-    tri = Triangulation.of(SHAPES[kind])
-    cluster = clusters_of(tri, rank_of(tri))
-    assert np.array_equal(np.unique(cluster), np.arange(cluster.max() + 1))
-    region = np.full(cluster.max() + 1, -1)
-    region[cluster] = tri.elements.region
-    assert np.array_equal(region[cluster], tri.elements.region)
-    elements = np.bincount(tri.elements.region)[region]
-    assert np.all((np.bincount(cluster) <= 48) & (np.bincount(cluster) >= np.minimum(elements, 21)))
 
 
 @given(seed=st.integers(0, 2**32 - 1), length=st.floats(0.0, 1.0))
@@ -193,21 +135,6 @@ def edges_from(node, starts, n):
     return distance
 
 
-def test_one_round_evens_out_more_than_half_of_what_is_wanted():
-    mesh = square(48)
-
-    def density(x):
-        return 1.0 + 3.0 * x[0]
-
-    columns = []
-    for state in (mesh, ka.relocate(mesh, density, schedule=Schedule((), rounds=1))):
-        mass, x = wins_per_element(state, density), state.p[0, state.t].mean(axis=0)
-        columns.append([mass[np.abs(x - place) < 0.1].mean() for place in (0.1, 0.5, 0.9)])
-    spread = [np.ptp(np.log(column)) for column in columns]
-    assert spread[0] > 0.9
-    assert spread[1] < 0.5 * spread[0]
-
-
 def test_of_many_rounds_the_first_are_taken_together_and_reach_farther():
     mesh, far = square(16), 2.0 * np.log(10.0)
 
@@ -229,42 +156,32 @@ def test_of_many_rounds_the_first_are_taken_together_and_reach_farther():
     assert places[1] < places[0] - 0.01
 
 
-def test_nothing_is_carried_through_a_line_within_a_region():
-    ticks = np.linspace(0, 1, 17)
-    mesh = MeshTri.init_tensor(ticks, ticks).with_boundaries({"wall": lambda x: x[0] == 0.5}, boundaries_only=False)
-    after = ka.relocate(mesh, lambda x: 1.0 + 100.0 * (x[0] > 0.5), schedule=ROUNDS)
-    assert np.array_equal(mesh.p[0] < 0.5, after.p[0] < 0.5)
-    walls = np.unique(after.facets[:, after.boundaries["wall"]])
-    assert np.all(after.p[0, walls] == 0.5)
-
-
-def test_pinned_nodes_stay():
-    mesh, held = square(16), [140, 141, 142]
-    after = ka.relocate(mesh, peak(mesh, 0.3, 0.3, 100), schedule=ROUNDS, pinned=held)
-    assert np.array_equal(after.p[:, held], mesh.p[:, held]) and not np.array_equal(after.p, mesh.p)
-
-
-def test_a_round_of_an_unguarded_map_goes_all_the_way():
-    mesh = square(16)
-    movable = MovableMesh.of(mesh, Rules("fixed", min_quality=None))
+def wins_per_element(mesh, density, seed=5):
+    """Mass of many training points in every element, as transport sums it up."""
+    movable = MovableMesh.of(mesh, Rules())
     tri = movable.triangulation
-    transport = Transport.of(movable, rank_of(tri))
-    shown = density_of(tri, lambda x: 1.0 / (0.01 + x[0])).draw(2000, np.random.default_rng(0))
+    shown = density_of(tri, density).draw(40 * tri.nnodes, np.random.default_rng(seed))
     winners = winners_of(movable, shown)
-    move = transport.moves(transport.flow(shown, winners))
-    start = tri.position.copy()
-    transport.carry(shown, winners)
-    free = movable.constraints.kind == FREE
-    assert_allclose(tri.position[free], (start + move)[free], atol=1e-12)
+    mass = np.empty(len(tri.elements.node))
+    sum_weights(winners, shown.region, shown.weights, tri.elements, tri.star, mass)
+    return mass
 
 
-def test_clusters_whose_centres_coincide_exchange_nodes():
-    mesh = square(16)
-    movable = MovableMesh.of(mesh, Rules("fixed", FLOOR))
-    tri = movable.triangulation
-    inside = np.max(np.abs(tri.centroids() - 0.5), axis=1) < 0.25
-    transport = Transport(movable, inside.astype(np.int32))
-    shown = density_of(tri, peak(mesh, 0.5, 0.5, 100)).draw(500, np.random.default_rng(0))
-    transport.carry(shown, winners_of(movable, shown))
-    assert np.all(np.isfinite(tri.position))
-    assert area_of(mesh) == pytest.approx(np.sum(areas_of(tri)), rel=1e-13)
+def winners_of(movable, shown):
+    """The winners of training points that were drawn from the mesh as it is."""
+    return Trainer.of(movable).search(shown, movable.triangulation.elements.node[shown.element, 0])[0]
+
+
+def test_one_round_evens_out_more_than_half_of_what_is_wanted():
+    mesh = square(48)
+
+    def density(x):
+        return 1.0 + 3.0 * x[0]
+
+    columns = []
+    for state in (mesh, ka.relocate(mesh, density, schedule=Schedule((), rounds=1))):
+        mass, x = wins_per_element(state, density), state.p[0, state.t].mean(axis=0)
+        columns.append([mass[np.abs(x - place) < 0.1].mean() for place in (0.1, 0.5, 0.9)])
+    spread = [np.ptp(np.log(column)) for column in columns]
+    assert spread[0] > 0.9
+    assert spread[1] < 0.5 * spread[0]
