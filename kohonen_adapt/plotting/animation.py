@@ -1,24 +1,24 @@
 """Animations of the meshes of an adaptation, and of a map in training."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from io import BytesIO
+from dataclasses import replace
+from functools import partial
 from math import ceil
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.random import Generator
 from numpy.typing import ArrayLike
-from PIL import Image
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.files import whole_file
 from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.passes import Pass
-from kohonen_adapt.mesh.slicing import CutBy, flat
+from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.drawing import draw_mesh
 from kohonen_adapt.som.kohonen_map import KohonenMap
 from kohonen_adapt.som.schedule import Schedule, check_training
@@ -32,13 +32,6 @@ MOST = 60  # maximum number of frames, which include the first and the last
 HOLD = 1.6  # seconds added to the duration of the last frame, at least
 DOTS = 110  # per inch
 INCHES, MARGIN = 5.0, 0.6  # longer side of the mesh, and the space for the axes
-
-
-@dataclass(frozen=True)
-class View:
-    plane: CutBy | None
-    unit: str
-    axisymmetric: bool = False
 
 
 def animate_passes(
@@ -75,7 +68,7 @@ def animate_passes(
         If the file cannot be written.
     """
     frames = [(step.mesh, f"pass {step.number}: {step.mesh.nvertices} nodes, {error_text(step)}") for step in history]
-    _write(Path(path), frames, View(plane, unit, axisymmetric), seconds)
+    _write(Path(path), frames, partial(draw_mesh, plane=plane, unit=unit, axisymmetric=axisymmetric), seconds)
 
 
 def animate_map(
@@ -128,7 +121,7 @@ def animate_map(
         frames.append((som.mesh, f"epoch {number + 1}: {title}"))
         if schedule.tolerance is not None and errors[-1] < schedule.tolerance:
             break
-    _write(Path(path), frames, View(None, unit), seconds)
+    _write(Path(path), frames, partial(draw_mesh, unit=unit), seconds)
     return tuple(errors)
 
 
@@ -139,29 +132,25 @@ def _epochs(schedule: Schedule) -> Iterator[tuple[str, Schedule]]:
             yield f"radius {stage.radius}, rate {rate:.2g}", replace(schedule, stages=(one,))
 
 
-def _write(path: Path, frames: Sequence[Frame], view: View, seconds: float) -> None:
+def _write(path: Path, frames: Sequence[Frame], draw: Callable[[Axes, MeshTri], None], seconds: float) -> None:
     if not frames:
         raise ValueError("an animation needs a mesh at least; got none.")
     if not seconds > 0.0:
         raise ValueError(f"seconds must be above zero; got {seconds!r}.")
+    figure, film = Figure(dpi=DOTS, layout="constrained"), PillowWriter(1.0 / seconds)  # type: ignore[arg-type]
+    axes = figure.subplots()
+    draw(axes, frames[0][0])
+    size = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)
+    figure.set_size_inches(INCHES * np.clip(size / size.max(), 0.4, 1.0) + MARGIN)
     with whole_file(path) as draft:
-        chosen = np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int)
-        draft.write_bytes(_film([frames[k] for k in chosen.tolist()], view, seconds))
-
-
-def _film(frames: Sequence[Frame], view: View, seconds: float) -> bytes:
-    size = np.ptp(flat(frames[0][0], view.plane).mesh.p, axis=1)
-    width, height = (INCHES * np.clip(size / size.max(), 0.4, 1.0) + MARGIN).tolist()
-    figure = Figure(figsize=(width, height), dpi=DOTS, layout="constrained")
-    axes, canvas, pictures = figure.subplots(), FigureCanvasAgg(figure), []
-    for mesh, title in frames:
-        axes.clear()
-        draw_mesh(axes, mesh, plane=view.plane, unit=view.unit, axisymmetric=view.axisymmetric)
-        axes.set_title(title, fontsize="medium")
-        canvas.draw()
-        pictures.append(Image.fromarray(np.array(canvas.buffer_rgba())).convert("RGB"))
-    stay = [round(1000.0 * seconds)] * len(pictures)  # in milliseconds
-    stay[-1] *= 1 + ceil(HOLD / seconds)
-    film = BytesIO()
-    pictures[0].save(film, "GIF", save_all=True, append_images=pictures[1:], duration=stay, loop=0)
-    return film.getvalue()
+        film.setup(figure, draft.with_suffix(".gif"))  # the format that Pillow writes
+        for k in np.linspace(0, len(frames) - 1, min(MOST, len(frames))).round().astype(int).tolist():
+            mesh, title = frames[k]
+            axes.clear()
+            draw(axes, mesh)
+            axes.set_title(title, fontsize="medium")
+            film.grab_frame()
+        for _ in range(ceil(HOLD / seconds)):
+            film.grab_frame()
+        film.finish()
+        draft.with_suffix(".gif").replace(draft)

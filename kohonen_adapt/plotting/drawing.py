@@ -1,5 +1,6 @@
 """Drawings of meshes, element values and field lines on matplotlib axes."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ __all__ = [
     "draw_indicators",
     "draw_mesh",
     "draw_outline",
+    "in_view",
     "indicator_scale",
     "set_axes",
 ]
@@ -95,15 +97,22 @@ def draw_mesh(
     >>> figure.savefig("mesh.png")
     """
     # Thinner lines on finer meshes, down to where they would vanish.
-    shown = flat(mesh, plane, axisymmetric)
+    shown = in_view(mesh, plane, unit, axisymmetric)
     width = float(np.clip(20.0 / np.sqrt(shown.mesh.nelements), 0.08, 0.5))
-    draw_edges(axes, shown, unit, "0.4", width)
-    draw_outline(axes, shown, unit, "black")
+    draw_edges(axes, shown, "0.4", width)
+    draw_outline(axes, shown, "black")
 
 
-def draw_edges(axes: Axes, shown: Flat, unit: str, colour: str, width: float) -> None:
+def in_view(mesh: Mesh, plane: CutBy | None, unit: str, axisymmetric: bool = False) -> Flat:
+    """Return the triangles to draw, with positions and names of the axes in the unit."""
+    shown = flat(mesh, plane, axisymmetric)
+    across, up = (f"{name} ({unit})" if unit else name for name in shown.axes)
+    return replace(shown, mesh=shown.mesh.scaled(in_unit(unit)), axes=(across, up))
+
+
+def draw_edges(axes: Axes, shown: Flat, colour: str, width: float) -> None:
     inner = np.setdiff1d(shown.sides, outlined_facets(shown.mesh))
-    _draw_facets(axes, shown.mesh, inner, unit, colour, width)
+    _draw_facets(axes, shown.mesh, inner, colour, width)
 
 
 def draw_indicators(
@@ -145,9 +154,9 @@ def draw_indicators(
     values = as_reals("indicators", indicators, {"nelements": mesh.nelements})
     colours = colormaps["viridis"]
     colours = colours.with_extremes(bad=colours(0))  # an indicator of zero has no logarithm
-    shown = flat(mesh, plane, axisymmetric)
-    shades = draw_elements(axes, shown.mesh, shown.of_elements(values), unit, norm or indicator_scale(values), colours)
-    draw_outline(axes, shown, unit, "white")
+    shown = in_view(mesh, plane, unit, axisymmetric)
+    shades = draw_elements(axes, shown.mesh, shown.of_elements(values), norm or indicator_scale(values), colours)
+    draw_outline(axes, shown, "white")
     return shades
 
 
@@ -196,23 +205,23 @@ def draw_field_lines(
     >>> bar = figure.colorbar(colours, label="|B| (T)")
     >>> figure.savefig("lines.png")
     """
-    shown = flat(mesh, plane, axisymmetric)
+    shown = in_view(mesh, plane, unit, axisymmetric)
     magnitude = shown.of_elements(field_values("magnitude", magnitude, mesh, nodal=False))
     potential = shown.of_nodes(field_values("potential", potential, mesh, nodal=True))
     mesh = shown.mesh
     weights = np.broadcast_to(area(mesh), magnitude.shape).ravel()
     norm = Normalize(0.0, level_of_share(magnitude.ravel(), weights, 0.99))
-    colours = draw_elements(axes, mesh, magnitude, unit, norm, PALE)
+    colours = draw_elements(axes, mesh, magnitude, norm, PALE)
     low, high = potential.min(), potential.max()
     if high > low:
         levels = np.linspace(low, high, lines + 2)[1:-1]
         if is_second_order(mesh):
             potential = _on_finer_lattice(mesh, potential if potential.ndim == 2 else potential[mesh.t])
         fine = mesh if potential.ndim == 1 else divided(mesh, divisions_of(len(potential)))
-        x, y = in_unit(unit) * fine.p
-        style = {"colors": "black", "linewidths": 0.5, "linestyles": "solid"}
-        axes.tricontour(x, y, fine.t.T, potential.ravel(), levels=levels, **style)
-    draw_outline(axes, shown, unit, "black")
+        axes.tricontour(
+            *fine.p, fine.t.T, potential.ravel(), levels=levels, colors="black", linewidths=0.5, linestyles="solid"
+        )
+    draw_outline(axes, shown, "black")
     return colours
 
 
@@ -240,50 +249,44 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
     return LogNorm(low, high) if high > 0.0 else Normalize(0.0, 1.0)
 
 
-def set_axes(axes: Axes, mesh: MeshTri, unit: str, names: tuple[str, str] = ("x", "y")) -> None:
-    low, high = (in_unit(unit) * bound for bound in (mesh.p.min(axis=1), mesh.p.max(axis=1)))
+def set_axes(axes: Axes, shown: Flat) -> None:
+    low, high = shown.mesh.p.min(axis=1), shown.mesh.p.max(axis=1)
     margin = 0.02 * np.max(high - low)
     axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
-    across, up = (f"{name} ({unit})" if unit else name for name in names)
-    axes.set(xlabel=across, ylabel=up)
+    axes.set(xlabel=shown.axes[0], ylabel=shown.axes[1])
 
 
-def draw_elements(
-    axes: Axes, mesh: MeshTri, values: Floats, unit: str, norm: Normalize, colours: Colormap
-) -> Collection:
+def draw_elements(axes: Axes, mesh: MeshTri, values: Floats, norm: Normalize, colours: Colormap) -> Collection:
     # Values of shape (nelements,) are constant in each element; values of shape (k, nelements) are given on a lattice
     # and linear between its points.
     if values.ndim == 2:
         values = _on_finer_lattice(mesh, values)
         fine = divided(mesh, divisions_of(len(values)))
-        x, y = in_unit(unit) * fine.p
         return axes.tripcolor(
-            x, y, fine.t.T, values.ravel(), norm=norm, cmap=colours, shading="gouraud", rasterized=True
+            *fine.p, fine.t.T, values.ravel(), norm=norm, cmap=colours, shading="gouraud", rasterized=True
         )
     # Edges in the colour of the element close the light gaps of antialiasing.
     look: Any = {"norm": norm, "cmap": colours, "edgecolors": "face", "linewidths": 0.2, "rasterized": True}
     if is_second_order(mesh):
         straight, curved, outlines = straight_and_curved_elements(mesh)
-        triangles, scale = mesh.p[:, mesh.t[:, straight]].T, in_unit(unit)
-        polygons = [*(scale * triangles), *(scale * outlines)]
+        polygons = [*mesh.p[:, mesh.t[:, straight]].T, *outlines]
         shades = PolyCollection(polygons, array=values[np.concatenate([straight, curved])], **look)
         axes.add_collection(shades, autolim=False)
         return shades
-    x, y = in_unit(unit) * mesh.p
-    return axes.tripcolor(x, y, mesh.t.T, facecolors=values, **look)
+    return axes.tripcolor(*mesh.p, mesh.t.T, facecolors=values, **look)
 
 
-def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, unit: str, colour: str, width: float) -> None:
+def _draw_facets(axes: Axes, mesh: MeshTri, facets: Ints, colour: str, width: float) -> None:
     for part in np.array_split(facets, max(1, -(-len(facets) // LONGEST))):
         straight, curved = straight_and_curved(mesh, part)
         for points in (mesh.p[:, mesh.facets[:, straight]], curved):
             if not points.size:
                 continue
             gaps = np.full((2, 1, points.shape[2]), np.nan)
-            x, y = np.concatenate([in_unit(unit) * points, gaps], axis=1).transpose(0, 2, 1).reshape(2, -1)
+            x, y = np.concatenate([points, gaps], axis=1).transpose(0, 2, 1).reshape(2, -1)
             axes.add_line(Line2D(x, y, color=colour, linewidth=width, solid_capstyle="round", rasterized=True))
 
 
-def draw_outline(axes: Axes, shown: Flat, unit: str, colour: str) -> None:
-    _draw_facets(axes, shown.mesh, outlined_facets(shown.mesh), unit, colour, OUTLINE)
-    set_axes(axes, shown.mesh, unit, shown.axes)
+def draw_outline(axes: Axes, shown: Flat, colour: str) -> None:
+    _draw_facets(axes, shown.mesh, outlined_facets(shown.mesh), colour, OUTLINE)
+    set_axes(axes, shown)

@@ -4,16 +4,17 @@ A curve segment from corner to corner is called a chain.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from scipy.sparse import coo_array
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Texts
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask, Texts
 from kohonen_adapt.display import counted, in_unit, listed_numbers
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curves
@@ -23,7 +24,7 @@ from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.motions import Pair
-from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, set_axes
+from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, in_view, set_axes
 
 __all__ = ["plot_outlines"]
 
@@ -96,31 +97,26 @@ def plot_outlines(
     position = in_unit(unit) * triangulation.position
     axes.add_collection(LineCollection([*position[ends]], colors="0.8", linewidths=0.5))
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
-    _draw_constraints(axes, outline, position)
+    freedoms = outline.nodes_by_freedom()
+    size = float(np.clip(120.0 / np.sqrt(max(int(np.sum(~freedoms["free"])), 1)), 1.5, 6.0))  # of a square
+    _draw_constraints(axes, freedoms, position, size)
     why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), np.str_))
-    _draw_reasons(axes, why, outline, position)
+    _draw_reasons(axes, why, freedoms["fixed"], position, size)
     sagitta = in_unit(unit) * outline.farthest(triangulation)[0]
     if sagitta > 0.0:
         label = f"facets, up to {sagitta:.3g} {unit}".rstrip() + " off their curves"
         axes.plot([], [], color="0.8", linewidth=0.5, label=label)
-    set_axes(axes, mesh, unit, ("r", "z") if axisymmetric else ("x", "y"))
+    set_axes(axes, in_view(mesh, None, unit, axisymmetric))
     axes.legend(**BESIDE)
     return axes
 
 
 def _colours(ends: Ints, chain: Ints, count: int) -> Texts:
-    at: dict[int, set[int]] = defaultdict(set)
-    for node, c in zip(ends.ravel().tolist(), np.repeat(chain, 2).tolist(), strict=True):
-        at[node].add(c)
-    meetings: dict[int, set[int]] = defaultdict(set)
-    for here in at.values():
-        for c in here if len(here) > 1 else ():
-            meetings[c] |= here
-    found = np.full(count, -1)
-    for c in range(count):
-        taken = {int(found[other]) for other in meetings[c]}
+    on = coo_array((np.ones(ends.size), (ends.ravel(), np.repeat(chain, 2))), (ends.max() + 1, count)).tocsr()
+    meetings, found = (on.T @ on).tolil().rows, np.full(count, -1)
+    for c, meeting in enumerate(meetings):
         wanted = [(c + shift) % len(COLOURS) for shift in range(len(COLOURS))]
-        found[c] = next((colour for colour in wanted if colour not in taken), wanted[0])
+        found[c] = next((colour for colour in wanted if colour not in found[meeting]), wanted[0])
     return np.array(COLOURS)[found]
 
 
@@ -190,8 +186,7 @@ def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> No
     )  # fmt: skip
 
 
-def _draw_reasons(axes: Axes, why: Texts, outline: Outline, position: Floats) -> None:
-    never, size = outline.nodes_by_freedom()["fixed"], _square_size(outline)
+def _draw_reasons(axes: Axes, why: Texts, never: Mask, position: Floats, size: float) -> None:
     counts = Counter(why[why != ""].tolist()).most_common()
     for k, (reason, count) in enumerate(counts):
         colour, held = REASON_COLOURS[min(k, LISTED)], why == reason
@@ -205,20 +200,12 @@ def _draw_reasons(axes: Axes, why: Texts, outline: Outline, position: Floats) ->
             axes.scatter([], [], marker="s", color=colour, label=text)
 
 
-def _square_size(outline: Outline) -> float:
-    held = max(int(np.sum(~outline.nodes_by_freedom()["free"])), 1)
-    return float(np.clip(120.0 / np.sqrt(held), 1.5, 6.0))
-
-
-def _draw_constraints(axes: Axes, outline: Outline, position: Floats) -> None:
-    freedoms, size = outline.nodes_by_freedom(), _square_size(outline)
+def _draw_constraints(axes: Axes, freedoms: Mapping[str, Mask], position: Floats, size: float) -> None:
     looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
     for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
         if mask.any():
-            x, y = position[mask].T
-            label = f"{counted(len(x), 'node')} {label}"
-            edge = face if face != "white" else "black"
             axes.plot(
-                x, y, marker, color=face, markeredgecolor=edge, markersize=width, label=label, zorder=3,
+                *position[mask].T, marker, color=face, markeredgecolor="black" if face == "white" else face,
+                markersize=width, label=f"{counted(int(np.sum(mask)), 'node')} {label}", zorder=3,
                 markeredgewidth=0.8 if marker == "s" else 0.0, rasterized=True,
             )  # fmt: skip

@@ -22,9 +22,9 @@ from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.host import count_unknowns, edges_between
 from kohonen_adapt.mesh.measures import directed, unit_vectors
 from kohonen_adapt.mesh.names import labelled, named_sets
-from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles, flat
+from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles
 from kohonen_adapt.plotting.charts import axes_of
-from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, draw_edges, draw_elements, draw_outline
+from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, draw_edges, draw_elements, draw_outline, in_view
 
 __all__ = ["plot_slice", "plot_surface"]
 
@@ -92,12 +92,11 @@ def plot_slice(
     >>> ax.figure.savefig("slice.png")
     """
     mesh, coils = _checked(mesh)[0], listed_coils(coils)
-    shown, axes = flat(mesh, plane), axes_of(ax, height=5.0)
+    shown, axes = in_view(mesh, plane, unit), axes_of(ax, height=5.0)
     if values is None:
         number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.nelements)
-        draw_elements(
-            axes, shown.mesh, number.astype(float), unit, Normalize(-0.5, len(colours) - 0.5), ListedColormap(colours)
-        )
+        norm = Normalize(-0.5, len(colours) - 0.5)
+        draw_elements(axes, shown.mesh, number.astype(float), norm, ListedColormap(colours))
         _add_legend(axes, colours, labels)
     else:
         checked = _values(mesh, values)
@@ -106,10 +105,10 @@ def plot_slice(
         else:
             found = _on_cut(mesh, shown, checked)[shown.mesh.t]
         norm = norm or Normalize(checked.min(), checked.max())
-        drawn = draw_elements(axes, shown.mesh, found, unit, norm, colormaps["viridis"])
+        drawn = draw_elements(axes, shown.mesh, found, norm, colormaps["viridis"])
         axes.figure.colorbar(drawn, ax=axes, label=label)
-    draw_edges(axes, shown, unit, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.nelements), 0.08, 0.5)))
-    draw_outline(axes, shown, unit, "black")
+    draw_edges(axes, shown, "0.25", float(np.clip(15.0 / np.sqrt(shown.mesh.nelements), 0.08, 0.5)))
+    draw_outline(axes, shown, "black")
     for coil in coils:
         segments = in_unit(unit) * cut_triangles(coil.winding.surface, plane)
         axes.add_collection(LineCollection(list(segments.T), colors=COPPER, linewidths=1.2), autolim=False)
