@@ -22,7 +22,7 @@ from kohonen_adapt.io.content import (
     rows_in,
     shape_of,
 )
-from kohonen_adapt.io.curved_sides import ORDERS, TEN_NODES, order_of_sides, with_curved_edges, with_curved_sides
+from kohonen_adapt.io.curved_sides import ORDERS, order_of_sides, with_curved_sides
 from kohonen_adapt.io.groups import by_group, name_of
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.cells import CELLS, centroids_of
@@ -35,7 +35,7 @@ __all__ = ["of_positive_volume", "to_mesh"]
 
 Sets = dict[str, Ints]
 
-FOUR_NODES = 4  # Gmsh's number for tetrahedra of four nodes
+FOUR_NODES, TEN_NODES = 4, 11  # Gmsh's numbers for tetrahedra
 MEASURES = {2: ("area", "surface", "sides"), 3: ("volume", "volume", "edges")}
 """Dimension to the words for the measure, for a group of elements and for what may be curved."""
 
@@ -65,9 +65,7 @@ def to_mesh(content: Content, path: Path, scale: float) -> MeshTri | MeshTet:
     subdomains = _items_by_name(rows.group, element, shape, content)
     mesh = of_positive_volume((MeshTri, MeshTet)[dim - 2](p, t, None, subdomains))
     set_boundaries(mesh, _boundaries(mesh, used, content, path))
-    if dim == 3 and TEN_NODES in content.rows:
-        mesh = with_curved_edges(mesh, content, used, path, scale)
-    elif dim == 2 and order_of_sides(content):
+    if order_of_sides(content, shape):
         mesh = with_curved_sides(mesh, content, used, path, scale)
     elif dim == 2 and content.rows.keys() & ORDERS.keys():
         logger.warning("'%s' has triangles of several orders: all sides are read as straight.", path)

@@ -4,30 +4,35 @@ import logging
 from pathlib import Path
 
 import numpy as np
-from skfem import MeshTet, MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.geometry.plane.polylines import polylines_of
 from kohonen_adapt.geometry.plane.spline import Spline
-from kohonen_adapt.io.content import TRIANGLE, Content, check_finite, check_flat, rows_in, shape_of
+from kohonen_adapt.io.content import (
+    CORNERS,
+    TETRAHEDRON,
+    TRIANGLE,
+    Content,
+    check_finite,
+    check_flat,
+    rows_in,
+    shape_of,
+)
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.blended import Blended
-from kohonen_adapt.mesh.curved import corners_of, with_midside_offsets, with_midsides
-from kohonen_adapt.mesh.host import number_edges
+from kohonen_adapt.mesh.cells import cell_of
+from kohonen_adapt.mesh.curved import corners_of, numbered_sides, with_midsides
+from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.names import named_sets
 
-__all__ = ["ORDERS", "TEN_NODES", "order_of_sides", "to_curves", "with_curved_edges", "with_curved_sides"]
+__all__ = ["ORDERS", "order_of_sides", "to_curves", "with_curved_sides"]
 
 
-ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5}
-"""Gmsh's numbers for triangles to their order p; p - 1 nodes of each of `SIDES` follow the corners."""
+ORDERS = {9: 2, 20: 3, 21: 3, 22: 4, 23: 4, 24: 5, 25: 5, 11: 2}
+"""Gmsh's numbers for triangles and tetrahedra to their order p; p - 1 nodes of each of `SIDES` follow the corners."""
 
-SIDES = ([0, 1], [1, 2], [2, 0])
-TEN_NODES = 11
-"""Gmsh's number for tetrahedra of ten nodes."""
-
-EDGES = np.array([(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)])
-"""Corners beside the nodes 4 to 9 of tetrahedra of ten nodes."""
+SIDES = {TRIANGLE: [(0, 1), (1, 2), (2, 0)], TETRAHEDRON: [(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)]}
 
 MIDDLE = {
     2: np.array([0.0, 1.0, 0.0]),
@@ -49,35 +54,20 @@ DIGITS = 1e-14
 """Rounding error of positions, relative to the largest coordinate."""
 
 
-def with_curved_sides(mesh: MeshTri, content: Content, used: Ints, path: Path, scale: float) -> MeshTri:
-    segments = _side_nodes(content, used[mesh.facets.T], path)
-    check_flat(content.points[np.unique(segments)], path, "midside node")
-    position = scale * content.points[:, :2].T
+def with_curved_sides(mesh: Mesh, content: Content, used: Ints, path: Path, scale: float) -> Mesh:
+    shape = cell_of(mesh).name
+    segments = _side_nodes(content, shape, used[numbered_sides(mesh)[0].T], path)
+    points = content.points[np.unique(segments)]
+    if shape == TRIANGLE:
+        check_flat(points, path, "midside node")
+    check_finite(points, path, "read_mesh", "midside node")
+    position = scale * content.points[:, : len(mesh.p)].T
     if not _is_curved(segments, position).any():
         return mesh
     order = segments.shape[1] - 1
     curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
     if order > 2:
         _report_loss(curved, position[:, segments[:, 1:-1]], path)
-    return curved
-
-
-def with_curved_edges(mesh: MeshTet, content: Content, used: Ints, path: Path, scale: float) -> MeshTet:
-    number_edges(mesh)
-    nodes = content.rows[TEN_NODES].nodes
-    edge = rows_in(mesh.edges.T, np.searchsorted(used, nodes[:, EDGES]).reshape(-1, 2))
-    middle = np.empty(mesh.edges.shape[1], int)
-    middle[edge] = nodes[:, 4:].ravel()
-    if np.any(middle[edge] != nodes[:, 4:].ravel()):
-        raise ValueError(f"tetrahedra of '{path}' have different nodes inside one edge; write the mesh again.")
-    check_finite(content.points[middle], path, "read_mesh", "midside node")
-    offset = scale * content.points[middle].T - mesh.p[:, mesh.edges].mean(axis=1)
-    length = np.linalg.norm(np.diff(mesh.p[:, mesh.edges], axis=1)[:, 0], axis=0)
-    straight = np.linalg.norm(offset, axis=0) <= STRAIGHT * length + DIGITS * np.abs(mesh.p).max()
-    if straight.all():
-        return mesh
-    curved = with_midside_offsets(mesh, offset)
-    curved.p[:, mesh.nvertices :] = scale * content.points[middle].T
     return curved
 
 
@@ -109,7 +99,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     _check_same(mesh.p, scale * content.points[used, :2].T, path)
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
     facets = np.unique(np.concatenate([np.empty(0, int), *named.values()]))
-    segments = _side_nodes(content, used[mesh.facets[:, facets].T], path)
+    segments = _side_nodes(content, TRIANGLE, used[mesh.facets[:, facets].T], path)
     position = scale * content.points[:, :2].T
     check_finite(position[:, np.unique(segments)].T, path, "read_curves", "midside node")
     curved = _is_curved(segments, position)
@@ -123,9 +113,9 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     return curves
 
 
-def order_of_sides(content: Content) -> int:
-    # 0 for straight sides, and for triangles of several orders
-    kinds = [kind for kind in content.rows if shape_of(kind) == TRIANGLE]
+def order_of_sides(content: Content, shape: str = TRIANGLE) -> int:
+    # 0 for straight sides, and for elements of several orders
+    kinds = [kind for kind in content.rows if shape_of(kind) == shape]
     return ORDERS.get(kinds[0], 0) if len(kinds) == 1 else 0
 
 
@@ -152,28 +142,29 @@ def _of_another_mesh(path: Path, why: str) -> ValueError:
     return ValueError(f"{expected}{why}. Read the curves before the mesh is changed.")
 
 
-def _side_nodes(content: Content, ends: Ints, path: Path) -> Ints:
-    # nodes (f, order + 1) from end to end of the facets `ends` (f, 2)
-    order, triangles = (
-        order_of_sides(content),
-        next(content.rows[kind] for kind in ORDERS if kind in content.rows).nodes,
-    )
-    inner = np.full((len(ends), order - 1), -1)
-    for k, side in enumerate(SIDES):
-        facet, first = rows_in(ends, triangles[:, side]), 3 + k * (order - 1)
-        own, facet = triangles[facet >= 0], facet[facet >= 0]
-        forth = ends[facet, 0] == own[:, side[0]]
-        between = own[:, first : first + order - 1]
-        inner[facet] = np.where(forth[:, None], between, between[:, ::-1])
-    if np.any(inner < 0):
-        count = np.sum(inner[:, 0] < 0)
+def _side_nodes(content: Content, shape: str, ends: Ints, path: Path) -> Ints:
+    # nodes (f, order + 1) from end to end of the sides `ends` (f, 2)
+    order = order_of_sides(content, shape)
+    elements = next(rows.nodes for kind, rows in content.rows.items() if shape_of(kind) == shape)
+    inner = np.reshape(elements[:, CORNERS[shape] :][:, : len(SIDES[shape]) * (order - 1)], (-1, order - 1))
+    corners = elements[:, SIDES[shape]].reshape(-1, 2)
+    side = rows_in(ends, corners)
+    found = side >= 0
+    side, corners, inner = side[found], corners[found], inner[found]
+    inner = np.where(ends[side, :1] == corners[:, :1], inner, inner[:, ::-1])
+    between = np.full((len(ends), order - 1), -1)
+    between[side] = inner
+    if np.any(between < 0):
+        count = np.sum(between[:, 0] < 0)
         raise _of_another_mesh(path, f"; {count} facets of its boundaries are not sides of triangles in the file")
-    return np.column_stack([ends[:, 0], inner, ends[:, 1]])
+    if shape == TETRAHEDRON and np.any(between[side] != inner):
+        raise ValueError(f"tetrahedra of '{path}' have different nodes inside one edge; write the mesh again.")
+    return np.column_stack([ends[:, 0], between, ends[:, 1]])
 
 
 def _is_curved(segments: Ints, position: Floats) -> Mask:
     start, end = position[:, segments[:, 0]], position[:, segments[:, -1]]
-    chord, off = (end - start)[..., None], position[:, segments[:, 1:-1]] - start[..., None]
-    length = np.sqrt(np.sum(chord[..., 0] ** 2, axis=0))
-    distance = np.abs(chord[0] * off[1] - chord[1] * off[0]).max(axis=1) / length
+    length = magnitude(end - start)
+    along, offset = ((end - start) / length)[..., None], position[:, segments[:, 1:-1]] - start[..., None]
+    distance = magnitude(offset - along * np.sum(along * offset, axis=0)).max(axis=1)
     return distance > STRAIGHT * length + DIGITS * np.abs(position[:, segments]).max(initial=0.0)

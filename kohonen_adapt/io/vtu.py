@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import meshio
 import numpy as np
-from skfem import Mesh, MeshTet
+from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import divisions_of, lattice_points
@@ -18,7 +18,6 @@ from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import Isoparametric, nodes_of_elements
 from kohonen_adapt.mesh.elements.functions import hierarchical, reference_functions
 from kohonen_adapt.mesh.elements.rules import tetrahedron_rule, triangle_rule
-from kohonen_adapt.mesh.host import number_edges
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.names import combinations
 
@@ -82,8 +81,6 @@ def write_vtu(
     dim, inside = len(mesh.p), [len(values) for values in point_data.values() if values.ndim == 2]
     order = max((divisions_of(count, dim) for count in inside), default=0)
     nodes, p = nodes_of_elements(mesh), mesh.p
-    if any(values.size > p.shape[1] for values in point_data.values()) and not order:
-        nodes, p = _with_midsides(mesh)
     if order:
         count = mesh.nelements
         nodes = _vtk_rows(order, dim) * count + np.arange(count)[:, None]
@@ -94,13 +91,6 @@ def write_vtu(
         for name, values in point_data.items()
     }
     meshio.vtu.write(str(path), meshio.Mesh(in_space(p.T), [(kind, nodes)], point_data=nodal, cell_data=cells))
-
-
-def _with_midsides(mesh: MeshTet) -> tuple[Ints, Floats]:
-    # VTK and scikit-fem order the edges of tetrahedra alike.
-    number_edges(mesh)
-    nodes = np.vstack((mesh.t, mesh.p.shape[1] + mesh.t2e)).T
-    return nodes, np.hstack((mesh.p, mesh.p[:, mesh.edges].mean(axis=1)))
 
 
 def _lagrange_points(mesh: Mesh, order: int) -> Floats:

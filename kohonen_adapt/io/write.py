@@ -19,7 +19,7 @@ from kohonen_adapt.io.gmsh_writer import write_msh
 from kohonen_adapt.io.groups import Groups
 from kohonen_adapt.io.vtu import write_vtu
 from kohonen_adapt.log import logger
-from kohonen_adapt.mesh.curved import is_second_order
+from kohonen_adapt.mesh.curved import is_second_order, numbered_sides, with_midside_offsets
 from kohonen_adapt.mesh.host import count_unknowns
 from kohonen_adapt.mesh.names import named_sets
 from kohonen_adapt.mesh.validity import check_mesh
@@ -115,8 +115,8 @@ def write_mesh(
     subdomains = _checked_sets(mesh.subdomains, "subdomain")
     boundaries = _checked_sets(mesh.boundaries, "boundary")
     nodal = {name: values for name, values in (point_data or {}).items() if name not in inside}
-    on_edges = _edges_with_values(mesh, nodal, suffix)
-    points = _checked_fields(with_midside_means(mesh, nodal, on_edges), mesh.p.shape[1] + len(on_edges), "point_data")
+    mesh = _with_edges_of_values(mesh, nodal, suffix)
+    points = _checked_fields(with_midside_means(mesh, nodal), mesh.p.shape[1], "point_data")
     points |= inside
     cells = _checked_fields(cell_data, mesh.nelements, "cell_data", len(mesh.p))
     place = _checked_positions(positions, inside, len(mesh.p))
@@ -145,24 +145,18 @@ def check_names_written(mesh: Mesh) -> None:
             _check_name(name, kind)
 
 
-def with_midside_means(
-    mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike], edges: Ints
-) -> Mapping[str, ArrayLike]:
-    """Return fields at all nodes, with the mean of both ends at midside nodes.
-
-    `edges` (n, 2) are those of tetrahedra with midside nodes.
-    """
+def with_midside_means(mesh: Mesh, fields: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
+    """Return fields at all nodes, with the mean of both ends at midside nodes."""
     given = dict(fields)
-    sides = mesh.facets if len(mesh.p) == 2 else mesh.edges
-    ends = sides if is_second_order(mesh) else edges.T
-    for name, values in given.items() if ends.size else ():
+    for name, values in given.items() if is_second_order(mesh) else ():
         array = np.asarray(values)
         if array.shape == (mesh.nvertices,) and array.dtype.kind in "biuf":
-            given[name] = np.concatenate([array, array[ends].mean(axis=0)])
+            given[name] = np.concatenate([array, array[numbered_sides(mesh)[0]].mean(axis=0)])
     return given
 
 
-def _edges_with_values(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike], suffix: str) -> Ints:
+def _with_edges_of_values(mesh: Mesh, fields: Mapping[str, ArrayLike], suffix: str) -> Mesh:
+    # tetrahedra with nodes in the middles of edges, if a field has values there
     count = count_unknowns(mesh, 2) if len(mesh.p) == 3 and not is_second_order(mesh) else 0
     of_order_2 = [name for name, values in fields.items() if count and np.shape(values) == (count,)]
     if of_order_2 and suffix != ".vtu":
@@ -170,7 +164,7 @@ def _edges_with_values(mesh: MeshTri | MeshTet, fields: Mapping[str, ArrayLike],
             f"point_data '{of_order_2[0]}' has values of order 2, for .vtu only. Write its first {mesh.nvertices} "
             "values, at the nodes, or a second file."
         )
-    return mesh.edges.T if of_order_2 else np.zeros((0, 2), int)
+    return with_midside_offsets(mesh, np.zeros(1)) if of_order_2 else mesh
 
 
 def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]:

@@ -15,7 +15,7 @@ from kohonen_adapt.log import logger
 from kohonen_adapt.loop.corners import singular_parts
 from kohonen_adapt.loop.passes import Status
 from kohonen_adapt.loop.sides import on_whole_curves
-from kohonen_adapt.loop.state import Solved, State, curved_of
+from kohonen_adapt.loop.state import State, curved_of
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
 from kohonen_adapt.mesh.host import count_unknowns
@@ -76,29 +76,25 @@ def layered(adaptation: Adaptation, state: State, layers: int) -> tuple[Mesh, st
     # Returned are the mesh with layers at the corners or edges that have them, their place, and a remark.
     adaptation.steps.next_pass(len(state.passes))
     with adaptation.steps("relocate"):
-        mesh, places, remark = with_layers(adaptation, state.best, layers)
-    return mesh, f" on {layers} layer{'s' * (layers > 1)} at {places}" * bool(places), remark
-
-
-def with_layers(adaptation: Adaptation, best: Solved, layers: int) -> tuple[Mesh, str, str]:
-    rules, whole, curved = adaptation.settings.rules, best.record.mesh, curved_of(best.movable)
-    remark = ""
-    corners, edges = singular_parts(adaptation.problem, whole, best.solution)
-    if edges is not None:
-        wanted = np.union1d(corners, edges)
-        mesh, nodes = with_layers_at(whole, wanted, layers, edges=edges)
-        places = f"singular edges with {nodes.size} nodes"
-    else:
-        if curved is not None:
-            whole = on_whole_curves(whole, curved)
-            if distance := curved.flattened(whole):
-                remark = (
-                    f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes "
-                    "there."
-                )
-        wanted = corners
-        mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves)
-        places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
-    if none := int(wanted.size - nodes.size):
-        remark += f" No layers at {counted(none, 'singular node')}, where they would invert elements or be too small."
-    return mesh, places * bool(nodes.size), remark
+        rules, whole, curved = adaptation.settings.rules, state.best.record.mesh, curved_of(state.best.movable)
+        wanted, edges = singular_parts(adaptation.problem, whole, state.best.solution)
+        remark = ""
+        if edges is not None:
+            wanted = np.union1d(wanted, edges)
+            mesh, nodes = with_layers_at(whole, wanted, layers, edges=edges)
+            places = f"singular edges with {nodes.size} nodes"
+        else:
+            if curved is not None:
+                whole = on_whole_curves(whole, curved)
+                if distance := curved.flattened(whole):
+                    remark = (
+                        f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes "
+                        "there."
+                    )
+            mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves)
+            places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
+        if none := int(wanted.size - nodes.size):
+            remark += (
+                f" No layers at {counted(none, 'singular node')}, where they would invert elements or be too small."
+            )
+        return mesh, f" on {layers} layer{'s' * (layers > 1)} at {places}" * bool(nodes.size), remark
