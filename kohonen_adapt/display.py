@@ -10,8 +10,7 @@ from skfem import Mesh, MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
-from kohonen_adapt.mesh.cells import corner_positions
-from kohonen_adapt.mesh.curved import is_second_order, midside_offsets, offsets_of_sides
+from kohonen_adapt.mesh.curved import Isoparametric, midside_offsets, offsets_of_sides
 from kohonen_adapt.mesh.names import codes_of_names, named_sets
 
 __all__ = [
@@ -182,14 +181,9 @@ def divided(mesh: MeshTri, divisions: int) -> MeshTri:
     # The new elements are numbered as (divisions^2, nelements), and keep the names of subdomains.
     share, triangles = lattice(divisions)
     count = mesh.nelements
-    p = np.einsum("iq,dik->dqk", share, corner_positions(mesh))
-    if is_second_order(mesh):
-        between = 4.0 * share[[1, 2, 0]] * share[[2, 0, 1]]
-        p += np.einsum("iq,dik->dqk", between, midside_offsets(mesh))
-    p = np.ascontiguousarray(p.reshape(2, -1))
     t = (triangles[:, :, None] * count + np.arange(count)).reshape(3, -1)
     parts = {
         name: (np.arange(divisions**2)[:, None] * count + np.asarray(rows)).ravel()
         for name, rows in named_sets(mesh.subdomains).items()
     }
-    return MeshTri(p, np.ascontiguousarray(t)).with_subdomains(parts)
+    return MeshTri(Isoparametric(mesh).points_in_each(share), np.ascontiguousarray(t)).with_subdomains(parts)

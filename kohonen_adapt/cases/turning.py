@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import DataFunction, Floats, Ints, Mask, grouped
+from kohonen_adapt.arrays import DataFunction, Floats, Mask, grouped
 from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
@@ -59,8 +59,9 @@ def _with_rim(mesh: MeshTri) -> MeshTri:
 def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:
     boundaries = dict(mesh.boundaries or {})
     arcs = np.setdiff1d(mesh.boundary_facets(), boundaries.pop(RIM))
-    for arc in _connected(mesh, arcs):
-        ends = mesh.facets[:, arc]
+    label = connected_components_of(mesh.p.shape[1], mesh.facets[:, arcs].T)
+    for rows in grouped(label[mesh.facets[0, arcs]]):
+        arc, ends = arcs[rows], mesh.facets[:, arcs[rows]]
         touched = [name for name in sides if np.isin(mesh.facets[:, named(boundaries, name, "boundary")], ends).any()]
         if len(set(touched)) != 1:
             raise ValueError(
@@ -71,13 +72,6 @@ def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:
     renamed = replace(mesh)
     set_boundaries(renamed, boundaries)
     return renamed
-
-
-def _connected(mesh: MeshTri, facets: Ints) -> list[Ints]:
-    nodes, index = np.unique(mesh.facets[:, facets], return_inverse=True)
-    one, other = index.reshape(2, -1)
-    label = connected_components_of(nodes.size, np.stack([one, other], axis=1))
-    return [facets[rows] for rows in grouped(label[one])]
 
 
 def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Turn) -> dict[str, Material]:

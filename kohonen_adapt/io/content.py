@@ -22,6 +22,7 @@ __all__ = [
     "POINT",
     "TETRAHEDRON",
     "TRIANGLE",
+    "Block",
     "CellFields",
     "Content",
     "Field",
@@ -37,9 +38,11 @@ __all__ = [
     "nodes_per_element",
     "parse_numbers",
     "placed",
+    "rows_by_type",
     "rows_in",
     "shape_of",
     "suffix_of",
+    "union",
 ]
 
 MSH_VERSION = {".msh": "4.1", ".msh2": "2.2"}
@@ -188,6 +191,9 @@ class CellFields:
     fields: list[Field]
 
 
+Block = tuple[int, Rows]
+"""Type and elements."""
+
 Named = tuple[int, str, Ints, Ints]
 """Type, name, nodes and numbers of the elements of a set."""
 
@@ -200,14 +206,19 @@ def check_nodes(nodes: Ints, count: int) -> None:
 def content_of_sets(points: Floats, sets: Iterable[Named]) -> Content:
     # An empty name stands for elements without a group.
     tags: dict[tuple[int, str], int] = {}
-    found: dict[int, list[Rows]] = {}
+    blocks = list[Block]()
     for kind, name, nodes, number in sets:
         check_nodes(nodes, len(points))
-        dimension = DIMENSION[shape_of(kind)]
-        tag = tags.setdefault((dimension, name), 1 + len(tags)) if name else 0
-        found.setdefault(kind, []).append(Rows(nodes, np.full(len(nodes), tag), number))
-    rows = {kind: Rows.joined(parts, parts[0].nodes.shape[1]) for kind, parts in found.items()}
-    return Content(points, rows, {(dimension, tag): name for (dimension, name), tag in tags.items()})
+        tag = tags.setdefault((DIMENSION[shape_of(kind)], name), 1 + len(tags)) if name else 0
+        blocks.append((kind, Rows(nodes, np.full(len(nodes), tag), number)))
+    return Content(points, rows_by_type(blocks), {(dimension, tag): name for (dimension, name), tag in tags.items()})
+
+
+def rows_by_type(blocks: Iterable[Block]) -> dict[int, Rows]:
+    found: dict[int, list[Rows]] = {}
+    for kind, rows in blocks:
+        found.setdefault(kind, []).append(rows)
+    return {kind: Rows.joined(parts, nodes_per_element(kind)) for kind, parts in found.items()}
 
 
 def shape_of(kind: int) -> str:
@@ -218,6 +229,10 @@ def nodes_per_element(kind: int) -> int:
     if kind not in _TYPES:
         raise ValueError(f"element type {kind} is unknown: mesh with an order (Mesh.ElementOrder) of at most 5")
     return _TYPES[kind][1]
+
+
+def union(sets: Iterable[Ints]) -> Ints:
+    return np.unique(np.concatenate([np.empty(0, int), *sets]))
 
 
 def in_space(points: Floats) -> Floats:
@@ -236,6 +251,8 @@ def indices_in(known: Ints, wanted: Ints) -> Ints:
 
 def placed(rows: Rows, numbers: Ints) -> Rows:
     """Return rows with the index of every node in the node numbers of a file."""
+    if rows.nodes.size and not len(numbers):
+        raise ValueError("it has elements and no nodes")
     place = indices_in(numbers, rows.nodes)
     if np.any(place < 0):
         raise ValueError(f"an element has node {rows.nodes[place < 0][0]}, which does not exist")

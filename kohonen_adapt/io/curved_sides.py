@@ -18,6 +18,7 @@ from kohonen_adapt.io.content import (
     check_flat,
     rows_in,
     shape_of,
+    union,
 )
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.blended import Blended
@@ -98,7 +99,7 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     used = np.unique(content.of_shape(TRIANGLE).nodes)
     _check_same(mesh.p, scale * content.points[used, :2].T, path)
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
-    facets = np.unique(np.concatenate([np.empty(0, int), *named.values()]))
+    facets = union(named.values())
     segments = _side_nodes(content, TRIANGLE, used[mesh.facets[:, facets].T], path)
     position = scale * content.points[:, :2].T
     check_finite(position[:, np.unique(segments)].T, path, "read_curves", "midside node")

@@ -22,6 +22,7 @@ from kohonen_adapt.io.content import (
     nodes_per_element,
     parse_numbers,
     placed,
+    rows_by_type,
 )
 from kohonen_adapt.io.groups import GroupNumbers, Groups, numbers_for
 from kohonen_adapt.mesh.measures import directed
@@ -49,12 +50,9 @@ def read_elmer(folder: Path) -> Content:
     with as_value_error(folder, f"read_mesh expected a mesh of Elmer; '{folder}' cannot be read: {{}}."):
         nodes = parse_numbers(_text(folder, "mesh.nodes")).reshape(-1, 5)
         nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
-        parts: dict[int, list[Rows]] = {}
         blocks = [*_blocks(_text(folder, "mesh.elements"), 1), *_blocks(_text(folder, "mesh.boundary"), 3)]
-        for kind, rows in blocks:
-            parts.setdefault(kind, []).append(placed(rows, nodes[:, 0]))
-        joined = {kind: Rows.joined(rows, nodes_per_element(kind)) for kind, rows in parts.items()}
-        bare = Content(nodes[:, 2:], joined, {}, numbers=nodes[:, 0].astype(int))
+        rows = rows_by_type((kind, placed(own, nodes[:, 0])) for kind, own in blocks)
+        bare = Content(nodes[:, 2:], rows, {}, numbers=nodes[:, 0].astype(int))
         return replace(bare, names=_names(folder, bare.dimension))
 
 

@@ -19,6 +19,7 @@ from kohonen_adapt.io.content import (
     LINE,
     TETRAHEDRON,
     TRIANGLE,
+    Block,
     CellFields,
     Content,
     Field,
@@ -28,15 +29,13 @@ from kohonen_adapt.io.content import (
     nodes_per_element,
     parse_numbers,
     placed,
+    rows_by_type,
     shape_of,
 )
 from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 from kohonen_adapt.io.plain_text import is_freefem, read_freefem
 
 __all__ = ["read_msh", "read_views"]
-
-Block = tuple[int, Rows]
-"""Elements of one type, with node numbers of the file."""
 
 HEADER_BYTES = 2**16
 """Bytes that must contain the header, read before the rest."""
@@ -102,8 +101,8 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         numbers, points = nodes.parametric_rows(nodes.count()) if parametric else nodes.rows(nodes.count(), 3)
         blocks = _elements_22(section("Elements"))
     order = np.argsort(numbers, kind="stable")
-    rows, version = _rows(blocks, numbers[order]), "4.1" if version == "4.1" else "2.2"
-    return Content(points[order], rows, _names(data), missing, numbers[order], version)
+    rows = {kind: placed(own, numbers[order]) for kind, own in rows_by_type(blocks).items()}
+    return Content(points[order], rows, _names(data), missing, numbers[order], "4.1" if version == "4.1" else "2.2")
 
 
 def _names(data: bytes) -> dict[tuple[int, int], str]:
@@ -179,16 +178,6 @@ def _with_direction(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:
     if shape_of(kind) == LINE or kind == TRIANGLE3:
         nodes = np.where(group[:, None] < 0, nodes[:, [1, 0, *range(2, nodes.shape[1])]], nodes)
     return Rows(nodes, np.abs(group), number)
-
-
-def _rows(blocks: list[Block], numbers: Ints) -> dict[int, Rows]:
-    found = {}
-    for kind in {kind for kind, _ in blocks}:
-        rows = Rows.joined([part for other, part in blocks if other == kind], nodes_per_element(kind))
-        if rows.nodes.size and not len(numbers):
-            raise ValueError("it has elements and no nodes")
-        found[kind] = placed(rows, numbers)
-    return found
 
 
 def read_views(path: Path, shape: str) -> CellFields:

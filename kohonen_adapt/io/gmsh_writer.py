@@ -14,7 +14,7 @@ import numpy as np
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Array, Floats, Ints, grouped
-from kohonen_adapt.io.content import GMSH_TETRAHEDRON
+from kohonen_adapt.io.content import GMSH_TETRAHEDRON, union
 from kohonen_adapt.io.groups import UNNAMED, GroupNumbers, Groups, numbers_for
 from kohonen_adapt.mesh.curved import is_second_order, nodes_of_elements
 from kohonen_adapt.mesh.host import edges_between
@@ -78,7 +78,7 @@ def write_msh(
 ) -> None:
     # Two boundaries with a facet in opposite directions have two elements on the facet.
     codes = {name: 2 * np.asarray(items) + getattr(items, "ori", 0) for name, items in boundaries.items()}
-    facets = np.unique(np.concatenate([np.empty(0, int), *codes.values()]))
+    facets = union(codes.values())
     sides = {name: np.searchsorted(facets, items) for name, items in codes.items()}
     nodes, d = groups.nodes(mesh), len(mesh.p)
     names = {number: groups.names.get((0, number), UNNAMED[d][0].format(number)) for number in nodes}
@@ -122,7 +122,7 @@ def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: GroupNumbers, unnam
 
 
 def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, first: int) -> Layer:
-    used = np.unique(np.concatenate([np.empty(0, int), *nodes.values()]))
+    used = union(nodes.values())
     tags = [np.array([tag for tag, members in nodes.items() if node in members], int) for node in used]
     number = first + np.arange(len(used))
     written = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}

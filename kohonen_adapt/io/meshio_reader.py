@@ -189,7 +189,7 @@ def _inside(values: Any, parts: list[Ints], cells: Ints) -> Any:
 
 def _nodes(block: Any, kind: int, count: int) -> Ints:
     if kind not in KINDS.values():
-        return np.empty((len(block.data), 0), int)
+        return np.zeros((len(block.data), nodes_per_element(kind)), int)
     nodes = np.asarray(block.data, int)
     nodes = nodes if block.type in LAGRANGE else nodes.reshape(-1, nodes_per_element(kind))
     check_nodes(nodes, count)

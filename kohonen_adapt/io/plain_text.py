@@ -85,11 +85,9 @@ def _rows(words: Ints) -> Iterator[tuple[int, Ints, Ints]]:
 def _named(sets: Sequence[tuple[int, Ints, Ints]], dimension: int) -> Iterator[Named]:
     first = 0
     for kind, nodes, group in sets:
-        number = first + np.arange(len(nodes))
-        yield kind, "", nodes, number
         own = DIMENSION[shape_of(kind)]
         for tag in np.unique(group).tolist():
-            if (tag or (own == dimension and np.any(group))) and own <= dimension:
-                name = UNNAMED[dimension][own].format(tag)
-                yield kind, name, nodes[group == tag], number[group == tag]
+            is_named = own <= dimension and (tag or (own == dimension and np.any(group)))
+            rows = np.flatnonzero(group == tag)
+            yield kind, UNNAMED[dimension][own].format(tag) if is_named else "", nodes[rows], first + rows
         first += len(nodes)

@@ -94,9 +94,8 @@ def write_vtu(
 
 
 def _lagrange_points(mesh: Mesh, order: int) -> Floats:
-    share, count = lattice_points(order, len(mesh.p)), mesh.nelements
     shape = Blended(mesh) if order > PARABOLAS and len(mesh.p) == 2 else Isoparametric(mesh)
-    return shape.points(np.tile(np.arange(count), share.shape[1]), np.repeat(share, count, axis=1))
+    return shape.points_in_each(lattice_points(order, len(mesh.p)))
 
 
 def _at_points(mesh: Mesh, values: Floats, order: int) -> Floats:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from hashlib import sha256
 from io import BytesIO
 from os import PathLike
@@ -24,6 +24,10 @@ from kohonen_adapt.problem.protocol import CheckedProblem, Problem
 
 FORMAT = 3  # version of the file format
 DIGEST = "sha256 "
+
+# Fields that files of earlier releases may lack.
+ADDED: dict[str, Any] = dict.fromkeys(["unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish"], 0)
+ADDED |= {"order": 1, "output_errors": {}, "unimproved": "", "incomparable": "", "doubts": {}}
 
 STATE = "state "  # prefix of the names of mesh arrays
 
@@ -69,17 +73,17 @@ class Checkpoint:
     def passes(self, movable: MovableMesh | MovableSolid) -> Iterator[Pass]:
         """Yield the stored passes in order, with `movable` set to the mesh of each."""
         for file in self._files():
-            record, state = self._read(file)
+            values, state = self._read(file)
             try:
                 movable.restore(state)
             except ValueError as error:
                 raise self._damaged(file, error) from error
-            mesh = movable.mesh() if record.number else movable.start()
+            mesh = movable.mesh() if values["number"] else movable.start()
             sizes = {"indicators": mesh.nelements, "nodes": mesh.nvertices}
             for name, size in sizes.items():
-                if (shape := getattr(record, name).shape) != (size,):
-                    raise self._damaged(file, ValueError(f"{name} has shape {shape}, not ({size},)"))
-            yield replace(record, mesh=mesh)
+                if values[name].shape != (size,):
+                    raise self._damaged(file, ValueError(f"{name} has shape {values[name].shape}, not ({size},)"))
+            yield self.record(mesh=mesh, **values)
 
     def write(self, step: Pass, movable: MovableMesh | MovableSolid) -> None:
         """Write a pass and the current mesh to a new file, all or nothing.
@@ -112,7 +116,7 @@ class Checkpoint:
                 )
         return expected_files
 
-    def _read(self, file: Path) -> tuple[Pass, dict[str, Array]]:
+    def _read(self, file: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         stream_of_file = BytesIO(file.read_bytes())  # read first, so that later errors mean damage, not a disk error
         try:  # every array has a checksum in the file
             with np.load(stream_of_file, allow_pickle=False) as content:
@@ -120,12 +124,7 @@ class Checkpoint:
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"found format {about['format']} and pass {about['number']}")
-            stored = {
-                name: tuple(value) if isinstance(value, list) else value for name, value in about.items()
-            } | arrays
-            # without the mesh, and without fields that earlier releases did not have
-            known: dict[str, Any] = {name: stored[name] for name in self._names() if name in stored}
-            record = self.record(mesh=None, **known)
+            values = {name: _field(about, arrays, name) for name in self._names()}
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise self._damaged(file, error) from error
@@ -140,13 +139,18 @@ class Checkpoint:
                 f"the checkpoint in '{self.folder}' belongs to another run: {'; '.join(differing)}. Use the mesh, "
                 "problem and arguments of that run, or another folder."
             )
-        return record, state
+        return values, state
 
     def _damaged(self, file: Path, error: Exception) -> ValueError:
         return ValueError(
             f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}). Delete this file and the later "
             "ones to resume from the pass before, or use another folder."
         )
+
+
+def _field(about: dict[str, Any], arrays: Mapping[str, Array], name: str) -> Any:
+    value = {**ADDED, **about, **arrays}[name]
+    return tuple(value) if isinstance(value, list) else value
 
 
 def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:

@@ -149,10 +149,6 @@ PLANE = Method(
 )
 
 
-def polish_kernels_in_space(problem: CheckedProblem) -> tuple[str, ...]:
-    return "space ground", "space moves", "space polish of order 2" if problem.order == 2 else "space polish"
-
-
 def moved_in_space(
     movable: MovableSolid,
     density: Any,
@@ -181,7 +177,9 @@ SPACE = Method(
     always_directed=False,
     open=MovableSolid.of,
     moving_kernels=lambda topology, schedule: (*loops_in_space(topology, schedule), "space locating"),
-    polish_kernels=polish_kernels_in_space,
+    polish_kernels=lambda problem: (
+        *("space ground", "space moves", "space polish of order 2" if problem.order == 2 else "space polish"),
+    ),
     transfer_kernels=("space carrying",),
     move=moved_in_space,
     longest_sides=lambda *of_curves: None,

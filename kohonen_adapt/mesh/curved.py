@@ -215,6 +215,11 @@ class CurvedElements:
             x[:, rows] += 4.0 * np.sum(between * self.bows(element[rows], own)[0], axis=1)
         return x
 
+    def points_in_each(self, barycentric: Floats) -> Floats:
+        # (d, k * nelements), of k positions in every element
+        count = self.t.shape[1]
+        return self.points(np.tile(np.arange(count), barycentric.shape[1]), np.repeat(barycentric, count, axis=1))
+
     def tangent_corners(self, element: Ints, barycentric: Floats) -> Floats:
         found = self.p[:, self.t[:, element]]
         rows = np.flatnonzero(self.curved[element])

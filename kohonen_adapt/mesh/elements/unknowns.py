@@ -122,7 +122,7 @@ class Unknowns:
     @cached_property
     def doflocs(self) -> Floats:
         """Positions of the unknowns, (d, nunknowns)."""
-        mesh, nelements = self.corners, self.corners.nelements
+        mesh = self.corners
         if self.order == 1:
             return mesh.p
         on_edges = self._edge_points(positions(self.order, self.arcs)[1:-1]).reshape(self.dim, -1)
@@ -130,8 +130,7 @@ class Unknowns:
         found[:, : mesh.nvertices + on_edges.shape[1]] = np.hstack((mesh.p, on_edges))
         first = self.dim + 1 + (self.order - 1) * len(self._edges[0])
         inside = nodes(self.order, self.dim, self.arcs)[first:]
-        element, at = np.tile(np.arange(nelements), len(inside)), np.repeat(inside.T, nelements, axis=1)
-        found[:, self.unknowns[first:].ravel()] = self.shape.points(element, at)
+        found[:, self.unknowns[first:].ravel()] = self.shape.points_in_each(inside.T)
         return found
 
     def _edge_points(self, at: Floats) -> Floats:
