@@ -3,27 +3,11 @@
 import numpy as np
 import pytest
 from helpers.solids import box
-from skfem import MeshTet
 
-import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Schedule, Stage
 from kohonen_adapt.kernels.tetrahedron.entries import SPACE
-from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.som.training_points import ElementDensity
-
-
-@pytest.mark.parametrize("high", [(1, -1, 1), (-1, 1, -1)])
-def test_corners_at_the_foot_of_a_column_do_not_fold_the_mesh_over(high):
-    """The face that a node leaves behind there must not end under the shelf that the column stands on."""
-    mesh = MeshTet.init_tensor(*[np.linspace(0, 2, 5)] * 3)
-    x = (mesh.p[:, mesh.t].mean(axis=1) - 1.0) * np.array(high)[:, None]
-    mesh = mesh.restrict(np.flatnonzero((x[2] < 0) | ((x[0] < 0) & (x[1] < 0))))
-    schedule = Schedule((Stage(1, 3, (1.0, 0.3)),))
-    for seed in range(4):
-        density = 10 ** (3 * np.random.default_rng(seed).random(mesh.t.shape[1]))
-        found = ka.relocate(mesh, density, topology="fixed", min_quality=0.0, schedule=schedule, seed=seed)
-        assert np.any(found.p != mesh.p) and area(found).sum() == pytest.approx(area(mesh).sum(), rel=1e-12)
 
 
 @pytest.mark.parametrize(
