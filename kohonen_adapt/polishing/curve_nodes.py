@@ -18,7 +18,6 @@ from kohonen_adapt.kernels.triangle.polish.descend import OVERSTEP, ROUNDING
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
-from kohonen_adapt.polishing.paired_stars import independent
 
 __all__ = ["descend_curves"]
 
@@ -37,6 +36,29 @@ def descend_curves(movable: MovableMesh, functional: Functional, trial: TrialFun
     for rows in independent(number[triangulation.elements.node], len(nodes)):
         gain += move_nodes(Stars.of(movable, functional, trial, nodes[rows], slivers), near[nodes[rows]])
     return gain
+
+
+def independent(of_corners: Ints, count: int) -> list[Ints]:
+    """Return groups of nodes, no two of one group in the same element.
+
+    `of_corners` (m, 3) holds the index of a node or -1. Nodes that an element has twice are in no group.
+    """
+    beside: list[set[int]] = [set() for _ in range(count)]
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        both = (of_corners[:, a] >= 0) & (of_corners[:, b] >= 0)
+        for i, j in zip(of_corners[both, a].tolist(), of_corners[both, b].tolist(), strict=True):
+            beside[i].add(j)
+            beside[j].add(i)
+    groups: list[list[int]] = []
+    group = [-1] * len(beside)
+    for i, others in enumerate(beside):
+        if i in others:
+            continue
+        taken = {group[j] for j in others}
+        group[i] = next(g for g in range(len(groups) + 1) if g not in taken)
+        groups += [[]] if group[i] == len(groups) else []
+        groups[group[i]].append(i)
+    return [np.array(rows) for rows in groups]
 
 
 def nearest_on_curves(movable: MovableMesh, curves: Mask) -> Floats:

@@ -50,10 +50,10 @@ def recycle_by_energy(
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
     n, m = movable.nnodes, len(movable.triangulation.elements.node)
-    is_open = ~(functional.held | movable.constraints.chains.paired)
+    is_open = ~functional.held
     if functional.ritz.order == 1:
         is_open &= ~functional.dirichlet
-    removable = (functional.kinds(movable.outline, fixed) != HELD) & (movable.constraints.periodic.partner < 0)
+    removable = functional.kinds(movable.outline, fixed) != HELD
     locked = np.zeros(len(mesh.elements.node), bool)
     return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, np.int32), is_open, removable, locked)
 

@@ -75,7 +75,8 @@ class Functional:
         Robin terms. Nodes on Robin boundaries do not move.
     held
         Segments on which nodes do not slide, (c,) bool: curves, Dirichlet values that are not linear, Robin
-        boundaries, and single facets between two Dirichlet nodes, which may or may not be Dirichlet facets.
+        boundaries, periodic pairs, and single facets between two Dirichlet nodes, which may or may not be Dirichlet
+        facets.
     on_chain
         Value at the start of every segment and rate along the segment, (c, 2), valid where `linear`.
     comparable
@@ -170,8 +171,8 @@ class Functional:
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
         number = numbers_of_regions(ritz, triangulation.elements.region)
-        boundary = BoundaryTerms(ritz, number, {name: outline.names[name] != 0 for name in ritz.robin}, dirichlet)
-        held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on
+        boundary, paired = BoundaryTerms.of(ritz, outline), outline.constraints.chains.paired
+        held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on | paired
         largest = steepest(mesh, ritz) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
         constants = constants_of(ritz, number)
@@ -183,8 +184,7 @@ class Functional:
         same_space = same_space and not chords.cut.any()
         comparable = ritz.comparable and same_space and not np.any(fixed & (kind == FREE))
         if modes is not None:
-            held_sides = boundary.on | outline.constraints.chains.paired
-            modes.dirichlet[on_chains(triangulation.elements.chain, held_sides)] = True
+            modes.dirichlet[on_chains(triangulation.elements.chain, boundary.on | paired)] = True
         chains = dirichlet, linear, signs_of_chains(ritz, outline), boundary, held, on_chain
         return cls(solution, ritz, number, constants, *chains, comparable, law, tables, chords)
 
@@ -216,12 +216,6 @@ class Functional:
 
     def energy_beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         return sum(part.chords.value(triangulation, own.values) for part, own in self.parts(trial))
-
-    def improve_on_boundary(
-        self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None
-    ) -> None:
-        for part, own in self.parts(trial):
-            part.boundary.improve(triangulation, own, offsets)
 
     def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
         primal = self.trial(triangulation, trial.values, trial.fixed)

@@ -61,6 +61,8 @@ def reason_on_segment(movable: MovableMesh, functional: Functional, c: int) -> s
     names_of_pairs = [name for names in functional.ritz.signs for name in names]
     if functional.sign[c] == 0.0 and any(movable.outline.names[name][c] for name in names_of_pairs):
         return "periodic condition on {} without a matched boundary"
+    if movable.constraints.chains.paired[c]:
+        return "periodic pair on {}"
     if movable.outline.straight[c]:
         whose = "" if functional.dirichlet[c] and not functional.linear[c] else " of the dual solution"
         return f"Dirichlet values{whose} that are not linear along {{}}"

@@ -52,21 +52,16 @@ class Loops:
         self.higher = WITHOUT if function.shapes is None else WITH
         self.scratches = dict[int, Descents]()
 
-    def descents(self, function: Function) -> Descents:
-        functions = reference(self.order), quadrature_points(self.order), function.shapes or NO_SHAPES
-        return Descents.of(function.mesh, function.trials, function.modes or (without_modes(0),), functions)
-
     def scratch(self, thread: int) -> Descents:
-        most = int(np.diff(self.function.mesh.star.start).max())
+        mesh, trials, modes, shapes = self.function
+        most = int(np.diff(mesh.star.start).max())
         if thread not in self.scratches or len(self.scratches[thread].primal.block.dof) < most:
-            self.scratches[thread] = self.descents(self.function)
+            functions = reference(self.order), quadrature_points(self.order), shapes or NO_SHAPES
+            self.scratches[thread] = Descents.of(mesh, trials, modes or (without_modes(0),), functions)
         return self.scratches[thread]
 
     def descend_nodes(self, thread: int, nodes: Int32s) -> float:
         return descend.descend_nodes(self.scratch(thread), self.higher, nodes, self.floor)
-
-    def descend_patch(self, function: Function, nodes: Int32s) -> float:
-        return descend.descend_nodes(self.descents(function), self.higher, nodes, self.floor)
 
     def descend_flips(self, thread: int, first: int, last: int, gainful: Mask, marks: bool) -> tuple[float, int]:
         # Returned are the decrease of the functional and the number of flips.

@@ -9,14 +9,12 @@ from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.ordering import along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.threads import even_cuts, shared, shared_in_parts
-from kohonen_adapt.kernels.triangle.arrays import HELD
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.curve_nodes import descend_curves
 from kohonen_adapt.polishing.elements import UNKNOWNS
 from kohonen_adapt.polishing.energy_recycling import Exchange, recycle_by_energy
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.loops import Loops
-from kohonen_adapt.polishing.paired_stars import Freedom, descend_pairs, set_partners
 from kohonen_adapt.polishing.polish import SETTLED
 
 __all__ = ["PlaneDescent", "sweep"]
@@ -138,16 +136,11 @@ def sweep(
     flips: bool = True,
 ) -> float:
     # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
-    # sweep, so that useless nodes are detected earlier. The decrease excludes the gain of better values on Robin
-    # boundaries.
-    outline, gain = movable.outline, 0.0
-    freedom = Freedom(functional.kinds(outline, trial.fixed), trial.fixed, functional.sign)
-    # pairs, Robin nodes and nodes on chords are excluded, because their star is not the whole functional
-    pairs, on_robin = outline.constraints.periodic.partner >= 0, functional.boundary.nodes(movable.triangulation)
-    constraints = outline.constraints._replace(kind=np.where(pairs, HELD, freedom.kind).astype(np.int8))
-    if pairs.any():
-        set_partners(movable, trial, functional.sign)
-    excluded = pairs | on_robin | functional.chords.moving(movable.triangulation)
+    # sweep, so that useless nodes are detected earlier.
+    gain, tri, kinds = 0.0, movable.triangulation, functional.kinds(movable.outline, trial.fixed)
+    constraints = movable.constraints._replace(kind=kinds)
+    # values of pairs, on Robin boundaries and on chords stay, because their stars are not the whole functional
+    excluded = functional.boundary.nodes(tri) | functional.chords.moving(tri) | (constraints.periodic.partner >= 0)
     mesh = movable.kernel_mesh()._replace(constraints=constraints)
     loops = functional.loops(movable, trial._replace(fixed=trial.fixed | excluded), mesh)
     order = along_curve(movable.triangulation.position).astype(np.int32)
@@ -161,10 +154,7 @@ def sweep(
         star = movable.triangulation.star
         mark_interior(star.start, star.link, part, 1, interior, np.empty_like(order))
         gain += shared_in_parts(loops.descend_nodes, order, (part, interior))
-        gain += descend_pairs(movable, loops, freedom)
         gain += flip_downhill(movable, loops) if flips else 0.0
-        offsets = movable.midside_offsets() if movable.curved else None
-        functional.improve_on_boundary(movable.triangulation, trial, offsets)
     return gain
 
 
