@@ -75,8 +75,8 @@ class Rules:
         several motions do so, as between circles, the third entry of a pair selects one: a `Rotation` (in radians),
         `Translation` or `Reflection`, as in ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed. A
         training point near one boundary also attracts nodes near the other, provided that the mesh continues there.
-        Nodes of pairs slide with the map, and stay in the polish. The density, but not the energy, recycles them on both
-        sides.
+        Nodes of pairs slide with the map, and stay in the polish. The density recycles them on both sides, the energy
+        does not.
     layers
         Numbers of element layers to preserve across thin subdomains, by name: every path along edges from one side to
         the other then has at least so many edges. The sides are the parts of the subdomain's boundary that face each

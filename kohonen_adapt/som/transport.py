@@ -13,7 +13,6 @@ map learns.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from math import ceil
 from typing import NamedTuple
 
@@ -21,11 +20,10 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
-from kohonen_adapt.arrays import Floats, Int32s, Ints, IntsPair, Mask, counted
+from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.geometry.plane.pairs import sliding_pairs
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle.arrays import PAIRED, STRAIGHT, Constraints
+from kohonen_adapt.kernels.triangle.arrays import Constraints
 from kohonen_adapt.kernels.triangle.transport import (
     accept_step,
     find_crossings,
@@ -79,23 +77,6 @@ class Transport:
     def of(cls, movable: MovableMesh, rank: Ints) -> "Transport":
         return cls(movable, clusters_of(movable.triangulation, rank))
 
-    @cached_property
-    def constraints(self) -> Constraints:
-        constraints = self.movable.constraints
-        flags = constraints.chains.flags.copy()
-        flags[constraints.chains.shape == STRAIGHT, PAIRED] = 0
-        return constraints._replace(chains=constraints.chains._replace(flags=flags))
-
-    @cached_property
-    def pairs(self) -> IntsPair:
-        """Paired nodes on straight segments, which move together, (k,) each.
-
-        Paired nodes on arcs do not move.
-        """
-        node, partner = sliding_pairs(self.constraints)
-        straight = (self.constraints.chains.shape == STRAIGHT)[self.constraints.own_chain[node]]
-        return node[straight], partner[straight]
-
     def carry(self, shown: Draw, winners: Ints, rounds: int = 1) -> None:
         """Move the nodes to where the points `shown` found too few winners.
 
@@ -104,7 +85,7 @@ class Transport:
         move = self.moves(self.flow(shown, winners, rounds))
         far = self._reach(move)
         steps = min(STEPS * (1 + rounds) // 2, max(1, ceil(far / STEP)))
-        step = Step.of(self.movable.triangulation, self.constraints)
+        step = Step.of(self.movable.triangulation, self.movable.constraints)
         for _ in range(steps):
             self._take(step, move, 1.0 / steps, ceil(far / steps / SLOWER))
             self.movable.flip()
@@ -136,7 +117,7 @@ class Transport:
         """
         mean = diags_array(1.0 / np.maximum(links.sum(axis=0), np.finfo(float).tiny)) @ links
         along, count = np.empty((len(flow), 3)), np.empty(len(flow))
-        find_directions(self.movable.triangulation.elements.node, self.constraints, self.cluster, count, along)
+        find_directions(self.movable.triangulation.elements.node, self.movable.constraints, self.cluster, count, along)
         xx, xy, yy = along.T
         for _ in range(int(SMOOTHING * np.sqrt(self.movable.nnodes))):
             x, y = (0.5 * (flow + mean @ flow)).T
@@ -154,7 +135,7 @@ class Transport:
         return *both.coords, both.data
 
     def moves(self, flow: Floats) -> Floats:
-        star, constraints, n = self.movable.triangulation.star, self.constraints, self.movable.nnodes
+        star, constraints, n = self.movable.triangulation.star, self.movable.constraints, self.movable.nnodes
         cuts, moves = even_cuts(n, LIGHT), np.empty((2, n, 2))
 
         def smooth(thread: int, first: int, last: int) -> None:
@@ -164,15 +145,7 @@ class Transport:
         for _ in range(ceil(n**0.25)):  # smoothing removes jumps between clusters
             shared(smooth, cuts)
             moves = moves[::-1]
-        return self._alike(moves[0])
-
-    def _alike(self, move: Floats) -> Floats:
-        chains, own = self.constraints.chains, self.constraints.own_chain
-        along = [chains.direction[own[nodes]] for nodes in self.pairs]
-        far = sum(np.sum(t * move[nodes], axis=1) for t, nodes in zip(along, self.pairs, strict=True))
-        for t, nodes in zip(along, self.pairs, strict=True):
-            move[nodes] = 0.5 * far[:, None] * t
-        return move
+        return moves[0]
 
     def _reach(self, move: Floats) -> float:
         tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
@@ -181,10 +154,9 @@ class Transport:
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, fraction: float, rings: int) -> None:
-        tri, constraints = self.movable.triangulation, self.constraints
+        tri, constraints = self.movable.triangulation, self.movable.constraints
         cuts, ends = even_cuts(tri.nnodes, LIGHT), (step.target, step.parameter)
         shared(lambda _, *rows: propose_step(tri.position, constraints, move, fraction, *rows, *ends), cuts)
-        self._together(step)
         self._mend(step, rings)
         shared(lambda _, *rows: accept_step(tri.position, constraints, *ends, *rows), cuts)
 
@@ -194,7 +166,8 @@ class Transport:
         Nodes move to the middle of their neighbours, or by less, or not at all. A node that does not move may block its
         neighbours, and so on through the mesh: therefore this is the last resort.
         """
-        tri, constraints, node = self.movable.triangulation, self.constraints, self.movable.triangulation.elements.node
+        tri, constraints = self.movable.triangulation, self.movable.constraints
+        node = tri.elements.node
         step.ring[:] = min(rings, tri.nnodes)
         self._mark(step)
         for attempt in range(ATTEMPTS):
@@ -205,42 +178,17 @@ class Transport:
             else:
                 scratch = step.spoiled, step.ring, step.queue
                 slow_down(tri.position, step.target, step.parameter, node, tri.star, constraints, *scratch)
-            self._together(step)
             self._mark(step)
         floor = self.movable.euclidean_floor
-        while True:
+        stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
+        while mark_too_long(tri.position, step.target, tri.elements, constraints.chains, step.spoiled):
             stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
-            while mark_too_long(tri.position, step.target, tri.elements, constraints.chains, step.spoiled):
-                stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
-            if not self._wait(step):
-                break
-            self._mark(step)  # a node that waits for its partner may block others
 
     def _mark(self, step: "Step") -> None:
         tri = self.movable.triangulation
         arrays = tri.position, step.target, tri.elements.node, self.movable.euclidean_floor
         cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
-
-    def _together(self, step: "Step") -> None:
-        if len(self.pairs[0]) == 0:
-            return
-        own, now = self.constraints.own_chain, self.constraints.parameter
-        mean_parameter = np.mean([np.where(self._stay(step, v), now[v], step.parameter[v]) for v in self.pairs], axis=0)
-        for nodes in self.pairs:
-            moving = mean_parameter != now[nodes]
-            step.parameter[nodes] = mean_parameter
-            step.target[nodes] = self.movable.triangulation.position[nodes]
-            step.target[nodes[moving]] = self.movable.outline.points_on(own[nodes[moving]], mean_parameter[moving])
-
-    def _stay(self, step: "Step", nodes: Ints) -> Mask:
-        return np.all(step.target[nodes] == self.movable.triangulation.position[nodes], axis=1)
-
-    def _wait(self, step: "Step") -> bool:
-        one, other = (self._stay(step, nodes) for nodes in self.pairs)
-        for nodes in self.pairs:
-            step.target[nodes[one != other]] = self.movable.triangulation.position[nodes[one != other]]
-        return bool(np.any(one != other))
 
 
 class Step(NamedTuple):
