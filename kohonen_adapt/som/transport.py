@@ -17,8 +17,9 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
@@ -40,7 +41,6 @@ from kohonen_adapt.kernels.triangle.transport import (
     sum_weights,
 )
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training_points import Draw
 
 __all__ = ["FLOWS", "POINTS", "Transport"]
@@ -55,6 +55,7 @@ STEP = 1.0  # maximum displacement of a single step, relative to the distance of
 MIDDLES = 2  # number of attempts to repair elements by moving nodes to the middle, before the flow is slowed down
 ATTEMPTS = 12  # number of all attempts
 SLOWER = 0.125  # change of speed from ring to ring around nodes at rest, relative to the distance of neighbours
+LEAKAGE = 1e-9  # of every cluster, relative to the conductance around
 NEAREST = 0.1  # minimum distance of centres, which may coincide in nested clusters, relative to the common edges
 
 
@@ -239,6 +240,18 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
     few = 0.5 / size  # half an element's share is added to every cluster, because a mass may be 0
     asked = np.clip(np.log((fraction + few) / (1.0 + few)), -bound, bound)
     return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
+
+
+def potential(links: csr_array, inflow: Floats) -> Floats:
+    """Return the potential of the flow between clusters, shape (c,).
+
+    The potential solves Poisson's equation with conductances `links` and the inflow of every cluster.
+    """
+    total = links.sum(axis=0)
+    total[total == 0.0] = 1.0
+    # the potential is determined except for a constant, which a small leakage fixes
+    matrix, options = csc_array(diags_array(total * (1.0 + LEAKAGE)) - links), {"SymmetricMode": True}
+    return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve(inflow)
 
 
 def symmetric(values: Floats, row: Ints, column: Ints, count: int) -> csr_array:

@@ -27,10 +27,9 @@ from kohonen_adapt.kernels.triangle.transport import (
     stop_nodes,
     sum_weights,
 )
-from kohonen_adapt.som.poisson import potential
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
-from kohonen_adapt.som.transport import FLOWS, symmetric, wanted_inflow
+from kohonen_adapt.som.transport import FLOWS, potential, symmetric, wanted_inflow
 
 element_quality = interpreted(element_quality)
 
