@@ -87,6 +87,13 @@ def assert_same(mesh, other):
             assert_array_equal(got[name], np.sort(np.asarray(wanted[name])))
 
 
+def assert_same_directions(mesh, other):
+    """Assert that boundaries with a direction in the other mesh have the same direction in this one."""
+    for name, rows in (other.boundaries or {}).items():
+        if isinstance(rows, OrientedBoundary):
+            assert isinstance(mesh.boundaries[name], OrientedBoundary) and in_front(mesh, name) == in_front(other, name)
+
+
 def in_front(mesh, name):
     """For every facet of a boundary, in no order, where it is and where the element is that it faces."""
     boundary = mesh.boundaries[name]

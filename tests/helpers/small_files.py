@@ -41,6 +41,33 @@ MARKER_ELEMS= 2
 3 2 3
 3 3 0
 """
+GMSH = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+1
+2 1 "all"
+$EndPhysicalNames
+$Entities
+0 0 1 0
+1 0 0 0 1 1 0 1 1 0
+$EndEntities
+$Nodes
+1 3 1 3
+2 1 0 3
+1
+2
+3
+0 0 0
+1 0 0
+0 1 0
+$EndNodes
+$Elements
+1 1 1 1
+2 1 2 1
+1 1 2 3
+$EndElements
+"""
 # A unit square of four triangles around its centre, node 5, of which two are iron.
 NODES = "*NODE\n1, 0., 0.\n2, 1., 0.\n3, 1., 1.\n4, 0., 1.\n5, .5, .5\n"
 ELEMENTS = """*ELEMENT, TYPE=CPS3, ELSET=iron

@@ -174,19 +174,3 @@ def test_what_the_recipe_does_not_know(old, new, said, tmp_path):
     assert old in text
     with pytest.raises(SystemExit, match=said):
         case_from(text.replace(old, new, 1), tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("[Solution]", "[Problem]", r"it has no \[Solution\]: analyse the model in FEMM"),
-        ("inches", "furlongs", "its unit of length is 'furlongs'; FEMM has 'centimeters', 'inches', "),
-        ("[NumPoints] = 2", "[NumPoints] = 7000", "it announces 7000 rows, but has "),
-        ("[NumBlockLabels] = 3", "[NumBlockLabels] = 2", "a triangle is in a block that does not exist"),
-    ],
-)
-def test_damage(old, new, said, tmp_path):
-    text = disc()[2]
-    (tmp_path / "m.ans").write_text(text.replace(old, new, 1))
-    with pytest.raises(ValueError, match=rf"expected a solution of FEMM; '.*' cannot be read: {said}"):
-        ka.read_mesh(tmp_path / "m.ans")

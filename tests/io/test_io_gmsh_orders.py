@@ -1,6 +1,7 @@
 """Gmsh files of order 2 to 5: corners, the middles of sides, what is lost, and curves."""
 
 import logging
+import re
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def on_arc(start, end, at):
     return radius * np.array([np.cos(angle + at * turn), np.sin(angle + at * turn)])
 
 
-def write_of_order(path, mesh, order, side=on_arc, kind=None):
+def write_of_order(path, mesh, order, side=on_arc):
     """A file of MSH 2.2 with the nodes of `side(start, end, at)` on the sides, and centroids inside."""
     points, number, rows = list(mesh.p.T), {}, []
     for corners in mesh.t.T.tolist():
@@ -44,7 +45,7 @@ def write_of_order(path, mesh, order, side=on_arc, kind=None):
     lines = ["$MeshFormat\n2.2 0 8\n$EndMeshFormat", f"$Nodes\n{len(points)}"]
     lines += [f"{k} {x!r} {y!r} 0" for k, (x, y) in enumerate(np.array(points).tolist(), 1)]
     lines += [f"$EndNodes\n$Elements\n{len(rows)}"]
-    head = f"{kind or KINDS[order]} 2 1 1"
+    head = f"{KINDS[order]} 2 1 1"
     lines += [f"{k} {head} {' '.join(str(node + 1) for node in row)}" for k, row in enumerate(rows, 1)]
     path.write_text("\n".join([*lines, "$EndElements\n"]))
     return path
@@ -68,29 +69,24 @@ def test_midside_nodes_are_the_middles_of_the_polynomials(order, tmp_path, caplo
     assert f"sides of order {order} of" in caplog.text and "nodes inside triangles are left out" in caplog.text
 
 
-def test_the_middle_node_of_order_4_is_taken_as_it_is(tmp_path):
-    mesh = annulus(COUNT)
-    read = ka.read_mesh(write_of_order(tmp_path / "ring.msh", mesh, 4), scale=0.5)
-    middles = [on_arc(*0.5 * mesh.p[:, ends].T, 0.5) for ends in read.facets.T]
-    assert_allclose(read.p[:, read.nvertices :].T, middles, rtol=1e-15, atol=1e-16)
-
-
 def wavy(start, end, at):
     across = np.array([start[1] - end[1], end[0] - start[0]])
     return start + at * (end - start) + 0.02 * np.sin(2.0 * np.pi * at) * across
 
 
-def test_what_is_lost_is_a_warning_with_its_size_and_place(tmp_path, caplog):
-    mesh = MeshTri().refined(1)
-    ka.read_mesh(write_of_order(tmp_path / "wavy.msh", mesh, 4, wavy))
-    (warning,) = [record for record in caplog.records if "become arcs" in record.message]
-    assert warning.levelname == "WARNING" and "is off by 0.02 of its length, near (" in warning.message
-
-
-def test_arcs_of_order_4_lose_nothing(tmp_path, caplog):
+@pytest.mark.parametrize(
+    ("mesh", "side", "level", "said"),
+    [
+        (MeshTri().refined(1), wavy, "WARNING", "is off by 0.02 of its length, near ("),
+        (annulus(COUNT), on_arc, "INFO", "become arcs"),
+    ],
+    ids=["waves", "arcs"],
+)
+def test_what_is_lost_is_a_warning_with_its_size_and_place(mesh, side, level, said, tmp_path, caplog):
     with caplog.at_level(logging.INFO):
-        ka.read_mesh(write_of_order(tmp_path / "ring.msh", annulus(COUNT), 4))
-    assert [record.levelname for record in caplog.records if "become arcs" in record.message] == ["INFO"]
+        ka.read_mesh(write_of_order(tmp_path / "m.msh", mesh, 4, side))
+    (told,) = [record for record in caplog.records if "become arcs" in record.message]
+    assert told.levelname == level and said in told.message
 
 
 @pytest.mark.parametrize("order", [3, 4, 5])
@@ -100,20 +96,10 @@ def test_straight_sides_are_read_as_corners(order, tmp_path, caplog):
     assert type(read) is MeshTri and read.t.shape == mesh.t.shape and "become arcs" not in caplog.text
 
 
-def test_order_6_is_refused_with_a_remedy(tmp_path):
-    write_of_order(tmp_path / "six.msh", annulus(COUNT), 6, kind=42)
-    with pytest.raises(ValueError, match=r"element type 42 is unknown: mesh with an order \(Mesh.ElementOrder\)"):
-        ka.read_mesh(tmp_path / "six.msh")
-
-
 def test_a_side_node_out_of_the_plane_is_named(tmp_path):
     path = write_of_order(tmp_path / "ring.msh", annulus(COUNT), 3)
-    lines = path.read_text().split("\n")
-    last = lines.index("$EndNodes") - 1
-    first = next(k for k, line in enumerate(lines) if line.startswith(f"{annulus(COUNT).p.shape[1] + 1} "))
-    assert first < last
-    lines[first] = lines[first][:-1] + "0.5"
-    path.write_text("\n".join(lines))
+    first = annulus(COUNT).nvertices + 1
+    path.write_text(re.sub(rf"(?m)^({first} .*) 0$", r"\1 0.5", path.read_text()))
     with pytest.raises(ValueError, match=r"expected a drawing in the xy-plane; z runs from 0 to 0\.5"):
         ka.read_mesh(path)
 

@@ -5,15 +5,13 @@ import logging
 import meshio
 import numpy as np
 import pytest
-from helpers.curved_meshes import RADII, annulus, on_circles, write_second_order
+from helpers.curved_meshes import RADII, annulus, curved_annulus, on_circles, write_second_order
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
-from skfem.generic_utils import OrientedBoundary
 
-import kohonen_adapt as ka
 from kohonen_adapt import Spline, read_curves, read_mesh, write_mesh
-from kohonen_adapt.mesh.curved import corners_of, with_midsides
+from kohonen_adapt.mesh.curved import corners_of
 
 COUNT = 24
 
@@ -36,48 +34,29 @@ def test_a_second_order_file_is_read_with_its_bent_sides(hand_made):
     curved = read_mesh(path)
     assert type(curved) is MeshTri2
     assert_array_equal(curved.p[:, curved.nvertices :], on_circles(curved, slice(None)))
-    read = corners_of(curved)
-    assert_array_equal(read.p, mesh.p)
-    assert len(np.unique(read.t)) == read.p.shape[1]
     triangle = {tuple(nodes): k for k, nodes in enumerate(mesh.t.T.tolist())}
-    number = np.array([triangle[tuple(sorted(nodes))] for nodes in read.t.T.tolist()])
+    number = np.array([triangle[tuple(sorted(nodes))] for nodes in curved.t.T.tolist()])
     assert_array_equal(np.sort(number), np.arange(mesh.nelements))
-    assert {name: set(number[items]) for name, items in read.subdomains.items()} == {
-        name: set(items) for name, items in mesh.subdomains.items()
-    }
-    assert_same(MeshTri(read.p, mesh.t, read.boundaries), MeshTri(mesh.p, mesh.t, mesh.boundaries))
+    named = {name: number[items] for name, items in curved.subdomains.items()}
+    assert_same(MeshTri(corners_of(curved).p, mesh.t, curved.boundaries, named), mesh)
 
 
-def test_curved_boundaries_have_a_spline_and_straight_ones_none(hand_made, caplog):
-    path, _ = hand_made
-    with caplog.at_level(logging.INFO):
-        curves = read_curves(path, read_mesh(path))
-    assert set(curves) == set(RADII)
-    assert all(spline.closed == (True,) and spline.pieces[0].shape == (2, 2 * COUNT) for spline in curves.values())
-    assert "'inner': <Spline of 1 piece through 48 points>" in caplog.text
-
-
-def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_the_ends_alone(hand_made):
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 2.0**-20])
+def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_the_ends_alone(hand_made, scale, caplog):
     path, mesh = hand_made
-    curves = read_curves(path, read_mesh(path))
+    with caplog.at_level(logging.INFO):
+        curves = read_curves(path, read_mesh(path, scale=scale), scale=scale)
+    assert set(curves) == set(RADII)
+    assert "'inner': <Spline of 1 piece through 48 points>" in caplog.text
     for name, radius in RADII.items():
-        nodes = np.append(
-            mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries[name]])], on_circles(mesh, mesh.boundaries[name]), 1
-        )
-        assert np.abs(curves[name].project(nodes) - nodes).max() <= 1e-15 * 2 * radius
+        facets = mesh.boundaries[name]
+        nodes = scale * np.hstack([mesh.p[:, np.unique(mesh.facets[:, facets])], on_circles(mesh, facets)])
+        assert curves[name].closed == (True,) and curves[name].pieces[0].shape == nodes.shape
+        assert np.abs(curves[name].project(nodes) - nodes).max() <= 1e-15 * 2 * radius * scale
         x = around(1.1 * radius)
-        error = [
-            np.abs(np.hypot(*curve.project(x)) - radius).max() for curve in (curves[name], Spline.through(mesh, name))
-        ]
-        assert error[0] < error[1] / 12.0
-
-
-@pytest.mark.parametrize("scale", [1e-3, 2.0**-20])
-def test_curves_have_the_scale_of_the_mesh(hand_made, scale):
-    path, _ = hand_made
-    x = around(1.3)
-    scaled = read_curves(path, read_mesh(path, scale=scale), scale=scale)["outer"].project(scale * x)
-    assert_allclose(scaled, scale * read_curves(path, read_mesh(path))["outer"].project(x), rtol=0, atol=1e-14 * scale)
+        found = curves[name].project(scale * x) / scale, Spline.through(mesh, name).project(x)
+        curved, chords = (np.abs(np.hypot(*each) - radius).max() for each in found)
+        assert curved < chords / 12.0
 
 
 def test_names_given_after_reading_have_their_curves(hand_made):
@@ -110,14 +89,6 @@ def test_a_file_with_straight_sides_only_has_no_curves(tmp_path):
     assert type(read_mesh(path)) is MeshTri
 
 
-def test_the_numbers_of_nodes_and_the_order_of_lines_have_no_say(tmp_path):
-    mesh, found = annulus(COUNT), []
-    for seed, version in ((0, "2.2"), (1, "2.2"), (9, "4.1")):
-        path = write_second_order(tmp_path / "m.msh", mesh, on_circles(mesh, slice(None)), version=version, seed=seed)
-        found.append(read_curves(path, read_mesh(path))["outer"].project(around(1.3)))
-    assert_allclose(found[:2], found[2:] * 2, rtol=0, atol=1e-14)
-
-
 def test_corners_are_told_by_the_curves_and_not_by_their_chords(tmp_path):
     """Eight facets turn by 45 degrees each; the circle through their middles does not."""
     mesh = annulus(8)
@@ -126,15 +97,21 @@ def test_corners_are_told_by_the_curves_and_not_by_their_chords(tmp_path):
     assert Spline.through(mesh, "outer").closed == (False,) * 8
 
 
-def test_a_first_order_file_is_refused_with_two_remedies(tmp_path):
-    mesh = annulus(COUNT)
-    write_mesh(tmp_path / "first.msh", mesh)
-    with pytest.raises(
-        ValueError,
-        match=r"read_curves expected triangles of one order from 2 to 5, .*; '.*first\.msh' has none\. "
-        r"Mesh with Mesh\.ElementOrder = 2, or use the nodes of the mesh: Spline\.through\(mesh, name\)",
-    ):
-        read_curves(tmp_path / "first.msh", mesh)
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("ring.vtu", r"expected a file name that ends in \.msh, \.msh2; got 'ring\.vtu'"),
+        (
+            "first.msh",
+            r"read_curves expected triangles of one order from 2 to 5, .*; '.*first\.msh' has none\. Mesh with "
+            r"Mesh\.ElementOrder = 2, or use the nodes of the mesh: Spline\.through\(mesh, name\)",
+        ),
+    ],
+)
+def test_files_without_curves_are_refused(name, said, tmp_path):
+    write_mesh(tmp_path / name, annulus(COUNT))
+    with pytest.raises(ValueError, match=said):
+        read_curves(tmp_path / name, annulus(COUNT))
 
 
 def test_a_file_of_both_orders_is_refused(tmp_path, caplog):
@@ -192,62 +169,19 @@ def test_rounding_is_no_other_mesh(hand_made):
     assert set(read_curves(path, MeshTri(read.p + noise, read.t, read.boundaries))) == set(RADII)
 
 
-def test_what_is_no_file_of_curves(tmp_path, hand_made):
-    path, mesh = hand_made
-    with pytest.raises(FileNotFoundError, match=r"read_curves expected a mesh file; there is none at '.*no\.msh'"):
-        read_curves(tmp_path / "no.msh", mesh)
-    write_mesh(tmp_path / "ring.vtu", mesh)
-    with pytest.raises(ValueError, match=r"expected a file name that ends in \.msh, \.msh2; got 'ring\.vtu'"):
-        read_curves(tmp_path / "ring.vtu", mesh)
-    for scale in (0.0, np.nan):
-        with pytest.raises(ValueError, match="scale must be a positive number"):
-            read_curves(path, mesh, scale=scale)
-    path.write_text(path.read_text()[:-300])
-    with pytest.raises(ValueError, match="is not a complete Gmsh file"):
-        read_curves(path, mesh)
-
-
 def test_a_middle_that_is_not_finite_is_refused(tmp_path):
     mesh = annulus(COUNT)
     middles = on_circles(mesh, slice(None))
     middles[0, mesh.boundaries["outer"][3]] = np.nan
     path = write_second_order(tmp_path / "ring.msh", mesh, middles, version="2.2")
-    with pytest.raises(
-        ValueError, match=r"read_mesh expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
-    ):
-        read_mesh(path)
-    with pytest.raises(
-        ValueError, match=r"read_curves expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
-    ):
-        read_curves(path, mesh)
-
-
-def curved_ring():
-    """The annulus with bent sides, and one boundary inside with a direction."""
-    mesh = annulus(COUNT)
-    inside = mesh.boundaries["interface"]
-    named = {**mesh.boundaries, "interface": OrientedBoundary(inside, mesh.f2t[1, inside] > mesh.f2t[0, inside])}
-    straight = MeshTri(mesh.p, mesh.t, named, mesh.subdomains)
-    return with_midsides(straight, on_circles(straight, slice(None)))
-
-
-@pytest.mark.parametrize("suffix", [".msh", ".msh2", ".vtu"])
-def test_what_is_written_with_bent_sides_comes_back_bit_for_bit(tmp_path, suffix):
-    mesh, path = curved_ring(), tmp_path / f"ring{suffix}"
-    write_mesh(path, mesh, point_data={"height": mesh.p[1]}, cell_data={"quality": ka.quality(mesh)})
-    read = read_mesh(path)
-    assert type(read) is MeshTri2
-    assert_array_equal(read.p, mesh.p)
-    assert_array_equal(read.t, mesh.t)
-    assert_same(corners_of(read), corners_of(mesh))
-    assert_array_equal(ka.read_field(path, read, "quality"), ka.quality(mesh))
-    assert_array_equal(ka.read_field(path, corners_of(mesh), "quality"), ka.quality(mesh))
-    halved = read_mesh(path, scale=0.5)
-    assert_array_equal(halved.p, 0.5 * mesh.p)
+    said = r" expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
+    for name, read in (("read_mesh", read_mesh), ("read_curves", lambda path: read_curves(path, mesh))):
+        with pytest.raises(ValueError, match=name + said):
+            read(path)
 
 
 def test_point_data_are_of_all_nodes_or_of_corners(tmp_path):
-    mesh = curved_ring()
+    mesh = curved_annulus(COUNT)
     solution = Basis(mesh, ElementTriP2()).project(lambda x: x[0] ** 2)
     write_mesh(tmp_path / "ring.vtu", mesh, point_data={"all": solution, "corners": mesh.p[0, : mesh.nvertices]})
     found = meshio.vtu.read(tmp_path / "ring.vtu")
@@ -255,33 +189,20 @@ def test_point_data_are_of_all_nodes_or_of_corners(tmp_path):
     assert_array_equal(found.point_data["all"], solution)
     assert_array_equal(found.point_data["corners"][mesh.nvertices :], mesh.p[0, mesh.facets].mean(axis=0))
     nodes = found.cells[0].data
-    for side, (a, b) in enumerate(((0, 1), (1, 2), (2, 0))):
-        chord = found.points[nodes[:, [a, b]]].mean(axis=1)
-        off = np.hypot(*(found.points[nodes[:, 3 + side]] - chord)[:, :2].T)
-        assert np.all(off < 0.02)  # no other side's
-    with pytest.raises(ValueError, match=r"point_data 'u' must have shape \(240,\); got \(71,\)"):
-        write_mesh(tmp_path / "ring.vtu", mesh, point_data={"u": np.zeros(71)})
-
-
-def test_elmer_gets_straight_sides_only(tmp_path):
-    with pytest.raises(
-        ValueError, match=r"of Elmer is written with straight sides only; got a MeshTri2\. Write its cor"
-    ):
-        write_mesh(tmp_path / "elmer", curved_ring())
+    chords = found.points[nodes[:, [[0, 1], [1, 2], [2, 0]]]].mean(axis=2)
+    assert np.linalg.norm(found.points[nodes[:, 3:]] - chords, axis=2).max() < 0.02  # no other side's
 
 
 @needs_gmsh
 @pytest.mark.parametrize("suffix", [".msh", ".msh2"])
 def test_gmsh_reads_bent_sides_with_the_same_groups(tmp_path, suffix):
-    mesh = curved_ring()
+    mesh = curved_annulus(COUNT)
     write_mesh(tmp_path / f"ring{suffix}", mesh)
     with gmsh_session() as model:
         gmsh.open(str(tmp_path / f"ring{suffix}"))
-        kinds = {int(kind) for kind in model.mesh.getElementTypes()}
-        assert kinds == {8, 9}
+        assert set(model.mesh.getElementTypes()) == {8, 9}
         names = {(dim, model.getPhysicalName(dim, tag)): tag for dim, tag in model.getPhysicalGroups()}
-        assert {name for dim, name in names if dim == 1} == set(mesh.boundaries)
-        assert {name for dim, name in names if dim == 2} == set(mesh.subdomains)
+        assert names.keys() == {(1, name) for name in mesh.boundaries} | {(2, name) for name in mesh.subdomains}
         _, coordinates = model.mesh.getNodesForPhysicalGroup(1, names[1, "outer"])
         assert_allclose(np.hypot(*coordinates.reshape(-1, 3)[:, :2].T), RADII["outer"], rtol=1e-15)
         assert len(coordinates) == 3 * 2 * COUNT
