@@ -66,6 +66,15 @@ OF_PROBLEMS = [  # what is said, and the problem
         )
         for order in (0, 1.5, 5, "1", True)
     ),
+    ("curved of the problem must be True, False or None; got 1.", with_(curved=1)),
+    *(
+        (
+            "orders of the problem must be the lowest and the highest degree of its elements, (1, 4) for instance, or "
+            f"None; got {orders}.",
+            with_(orders=orders),
+        )
+        for orders in ((4, 1), (0, 2), 4, (1, 2.5))
+    ),
     *(
         (
             f"energy_norm of the problem must be a finite number >= 0; got {value}.",
@@ -90,7 +99,59 @@ OF_OPTIONS = [  # what is said before anything is solved, and the options
         for name in ("rtol", "atol", "output_rtol")
         for each in NOT_TOLERANCES
     ),
-    ("callback must be a function of the pass, or None; got 'print'.", {"callback": "print"}),
+    *(
+        (f"{hook} must be a function of {what}, or None; got 3.", {hook: 3})
+        for hook, what in (
+            ("callback", "the pass"),
+            ("interim", "the result so far"),
+            ("progress", "number and step"),
+        )
+    ),
+    *(
+        (f"checkpoint must be the path of a folder, or None; got {each!r}.", {"checkpoint": each})
+        for each in (3, True, ["folder"], b"folder")
+    ),
+    *(
+        (f"polish must be True or False; got {each!r}. kohonen_adapt.polish polishes without a map.", {"polish": each})
+        for each in (None, 8, "yes")
+    ),
+    *(
+        (f"anisotropic must be 'auto', True or False; got {each!r}.", {"anisotropic": each})
+        for each in (0.5, "yes", None)
+    ),
+    *(
+        (f"target_nodes must be an integer >= 0, or None; got {each!r}.", {"target_nodes": each})
+        for each in (100.0, True, "many", -1)
+    ),
+    *(
+        (
+            "target_nodes must be at least the number of nodes of the mesh, 25; "
+            f"got {each}. Start from a coarser mesh.",
+            {"target_nodes": each},
+        )
+        for each in (0, 24)
+    ),
+    *(
+        (f"max_nodes must be at least the nodes of the mesh, 25; got {each}.", {"max_nodes": each, "atol": 0.1})
+        for each in (3, 1e6)
+    ),
+    *(
+        (
+            "max_nodes needs a tolerance (rtol or atol) and no target_nodes, which fixes the number.",
+            {"max_nodes": 500, **more},
+        )
+        for more in ({}, {"atol": 0.1, "target_nodes": 400})
+    ),
+    (
+        "goal_rtol requires a problem with a goal and its goal_error; use rtol or output_rtol instead.",
+        {"goal_rtol": 0.1},
+    ),
+    ("a tolerance of 0 is never met; give one above 0, for instance rtol=1e-3, or target_nodes.", {"atol": 0.0}),
+    ("output_rtol has 'b', which is no output; outputs are 'a'.", {"outputs": {"a": abs}, "output_rtol": {"b": 0.1}}),
+    (
+        "output_rtol['a'] must be a finite number >= 0, or None; got -0.1.",
+        {"outputs": {"a": abs}, "output_rtol": {"a": -0.1}},
+    ),
     (
         "rtol requires the energy norm of the problem, but Constant has no method energy_norm(mesh, solution). "
         "Use atol instead.",
@@ -138,26 +199,6 @@ def test_broken_indicators_of_the_input(values, message):
     refused(message, problem=Constant(values))
 
 
-@pytest.mark.parametrize(("values", "message"), BROKEN)
-def test_broken_indicators_later(values, message):
-    result = adapt(MESH, Constant(values, from_pass=1), polish=False, topology="flip")
-    assert result.status is Status.FAILED
-    assert result.mesh is MESH
-    assert isinstance(result.error, ValueError)
-    assert str(result.error) == message
-    assert result.message == (
-        f"Failed in pass 1, estimate: ValueError: {message.rstrip('.')}. "
-        f"Best: the input, estimate {np.sqrt(ELEMENTS):.4g}. See `error`."
-    )
-
-
-@pytest.mark.parametrize("values", [[1] * ELEMENTS, np.ones(ELEMENTS, dtype=bool), np.ones(ELEMENTS, dtype=np.float32)])
-def test_indicators_of_other_types_are_numbers_too(values):
-    result = adapt(MESH, Constant(values), passes=0)
-    assert result.indicators.dtype == np.float64
-    assert result.estimate == pytest.approx(np.sqrt(ELEMENTS))
-
-
 VALUES = [
     (np.nan, "outputs['force'] must return a finite number; got nan."),
     (-np.inf, "outputs['force'] must return a finite number; got -inf."),
@@ -171,18 +212,34 @@ VALUES = [
         "return one component, or add an output for each component.",
     ),
 ]
+LATER = [
+    *((said, "estimate", Constant(values, from_pass=1), {}) for values, said in BROKEN),
+    *(
+        (said, "output 'force'", Constant(), {"force": lambda solution, value=value: value if solution else 1.0})
+        for value, said in VALUES
+    ),
+]
+
+
+@pytest.mark.parametrize(("said", "step", "problem", "outputs"), LATER)
+def test_what_is_broken_later_ends_the_loop(said, step, problem, outputs):
+    result = adapt(MESH, problem, polish=False, topology="flip", outputs=outputs)
+    assert result.status is Status.FAILED and isinstance(result.error, ValueError)
+    assert result.mesh is MESH and result.history[0].outputs == dict.fromkeys(outputs, 1.0)
+    assert str(result.error) == said
+    assert result.message == (
+        f"Failed in pass 1, {step}: ValueError: {said.rstrip('.')}. "
+        f"Best: the input, estimate {np.sqrt(ELEMENTS):.4g}. See `error`."
+    )
+
+
+@pytest.mark.parametrize("values", [[1] * ELEMENTS, np.ones(ELEMENTS, dtype=bool), np.ones(ELEMENTS, dtype=np.float32)])
+def test_indicators_of_other_types_are_numbers_too(values):
+    result = adapt(MESH, Constant(values), passes=0)
+    assert result.indicators.dtype == np.float64
+    assert result.estimate == pytest.approx(np.sqrt(ELEMENTS))
 
 
 @pytest.mark.parametrize(("value", "message"), VALUES)
 def test_an_output_of_the_input_that_is_no_number(value, message):
     refused(message, outputs={"force": lambda solution: value})
-
-
-@pytest.mark.parametrize(("value", "message"), VALUES)
-def test_an_output_that_later_is_no_number(value, message):
-    outputs = {"force": lambda solution: value if solution else 1.0}
-    result = adapt(MESH, Constant(), polish=False, outputs=outputs)
-    assert result.status is Status.FAILED
-    assert result.mesh is MESH and result.history[0].outputs == {"force": 1.0}
-    assert str(result.error) == message
-    assert result.message.startswith(f"Failed in pass 1, output 'force': ValueError: {message.rstrip('.')}. ")

@@ -72,11 +72,6 @@ def test_where_no_outline_is_curved_meshes_stay_straight():
     assert type(ka.adapt(square(4), Disk(curved=True), passes=1).mesh) is MeshTri
 
 
-def test_what_curved_may_be():
-    with pytest.raises(ValueError, match=r"curved of the problem must be True, False or None; got 1\."):
-        ka.adapt(RIM, Disk(curved=1))
-
-
 def test_densities_count_the_area_between_bent_sides():
     mesh = ka.adapt(RIM, Disk(curved=True), passes=0).mesh
     size = Basis(mesh, ElementTriP1(), intorder=4).dx.sum(axis=1)

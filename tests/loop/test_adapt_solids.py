@@ -29,18 +29,6 @@ def test_the_error_falls_at_a_constant_number_of_nodes(topology, most):
     assert result.status in (ka.Status.MAX_PASSES, ka.Status.STALLED)
 
 
-def test_the_history_tells_what_was_done():
-    first, *rest = adapted().history
-    assert (first.moved, first.splits, first.collapses, first.max_displacement) == (0, 0, 0, 0.0)
-    for step in rest:
-        assert step.splits == step.collapses > 0 and step.moved > 0 and 0.0 < step.max_displacement < 2.0
-        assert step.mean_quality > 0.6 and step.unknowns == 316 and set(step.seconds) >= {"relocate", "solve"}
-        assert step.functional is None and not step.comparable
-    text = str(adapted())
-    assert "splits" in text and "Poisson has no method ritz" in text
-    assert_array_equal(first.nodes, np.arange(316))
-
-
 def test_a_pass_is_relocate_with_the_density_of_its_indicators():
     mesh, problem = fichera(), Poisson()
     solution = problem.solve(mesh)

@@ -75,9 +75,3 @@ def test_solutions_without_known_values_have_round_elements():
     forced = ka.adapt(mesh, problem, passes=2, anisotropic=True)
     assert forced.status is ka.Status.FAILED
     assert "anisotropic=True needs" in str(forced.error)
-
-
-@pytest.mark.parametrize("value", [0.5, "yes", None])
-def test_anisotropic_is_auto_or_a_truth_value(value):
-    with pytest.raises(ValueError, match="anisotropic must be 'auto', True or False"):
-        ka.adapt(MeshTri().refined(2), Layer(30.0), anisotropic=value)

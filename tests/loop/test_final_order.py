@@ -111,14 +111,6 @@ def test_a_problem_may_have_orders_above_those_of_the_package():
     assert result.best.order == 9 and "Solved with order 9 on 4 layers at 1 corner," in result.message
 
 
-@pytest.mark.parametrize("orders", [(4, 1), (0, 2), 4, (1, 2.5)])
-def test_wrong_orders_are_named(orders):
-    problem = Poisson(1)
-    problem.orders = orders
-    with pytest.raises(ValueError, match="orders of the problem must be the lowest and the highest degree"):
-        ka.adapt(rectangle_mesh(1), problem)
-
-
 def test_corners_at_coarse_curves_lose_their_layers_and_not_the_order():
     mesh = curved_annulus(9)
     spoke = mesh.boundaries["spoke"]

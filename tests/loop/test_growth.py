@@ -103,11 +103,6 @@ def test_predictions_that_fail_again_count_less(degree):
     assert nodes == [round(1000 * 1.1**power) for power in range(1, 7)]
 
 
-def test_without_a_target_nodes_stay_as_many():
-    growth = Growth.of(25, None, 4, corrected=True)
-    assert [growth.nodes(number) for number in range(5)] == [25] * 5
-
-
 @pytest.mark.parametrize(
     ("problem", "options", "before_last"),
     [

@@ -158,26 +158,6 @@ class Constant:
         return self.values
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"max_nodes": 500}, "max_nodes needs a tolerance"),
-        ({"max_nodes": 500, "rtol": 0.1, "target_nodes": 400}, "max_nodes needs a tolerance"),
-        ({"max_nodes": 3, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 3"),
-        ({"goal_rtol": 0.1}, "goal_rtol requires a problem with a goal and its goal_error"),
-        (
-            {"outputs": {"a": abs}, "output_rtol": {"b": 0.1}},
-            "output_rtol has 'b', which is no output",
-        ),
-        ({"outputs": {"a": abs}, "output_rtol": {"a": -0.1}}, r"output_rtol\['a'\] must be a finite number >= 0"),
-        ({"max_nodes": 1e6, "rtol": 0.1}, "max_nodes must be at least the nodes of the mesh, 65; got 1000000.0"),
-    ],
-)
-def test_bad_input_is_named(options, message):
-    with pytest.raises(ValueError, match=message):
-        ka.adapt(l_shape(4), Corner(), **options)
-
-
 class Aimed(Script):
     """A goal whose error falls while the estimate rises, as where errors of both signs cancelled."""
 
