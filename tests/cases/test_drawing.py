@@ -4,10 +4,10 @@ import csv
 import gc
 import sys
 
-import numpy as np
 import pytest
 from helpers.cases import run_command
 from helpers.mesh_files import needs_gmsh
+from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 from kohonen_adapt.cases import case_of, fitting_mesh, read_case
@@ -84,8 +84,8 @@ def test_a_drawing_with_a_volume_is_meshed_by_tetrahedra(tmp_path):
 @needs_gmsh
 def test_a_drawing_gives_the_same_mesh_every_time(tmp_path):
     one, other = (fitting_mesh(drawn(tmp_path, gap=3.0)) for _ in range(2))
-    np.testing.assert_array_equal(one.p, other.p)
-    np.testing.assert_array_equal(one.t, other.t)
+    assert_array_equal(one.p, other.p)
+    assert_array_equal(one.t, other.t)
 
 
 @needs_gmsh

@@ -8,6 +8,7 @@ import pytest
 from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from kohonen_adapt.cases.potentials import POTENTIAL
 
@@ -46,7 +47,7 @@ def value_of(text):
 @given(sums())
 def test_an_expression_means_what_it_means_in_python(text):
     meant = [eval(text.strip(), {}, {"x": x, "y": y}) for x, y in X.T]
-    np.testing.assert_allclose(value_of(text), meant, rtol=1e-9, atol=1e-6)
+    assert_allclose(value_of(text), meant, rtol=1e-9, atol=1e-6)
 
 
 @examples(300)
@@ -100,7 +101,7 @@ def test_a_constant_is_a_number():
 def test_a_table_is_linear_between_its_points_and_ends_with_them():
     read = POTENTIAL({"over": "y", "points": [[0, 1], [2, 5.0], [3.0, 4]]}, "p")
     x = np.array([[9.0, 9.0, 9.0, 9.0], [0.0, 1.0, 2.5, 3.0 + 1e-12]])
-    np.testing.assert_allclose(read(x), [1.0, 3.0, 4.5, 4.0])
+    assert_allclose(read(x), [1.0, 3.0, 4.5, 4.0])
     for outside in (-0.1, 3.1):
         with pytest.raises(ValueError, match=f"the table reaches from y = 0 to 3 m, .* has a node at {outside:g} m"):
             read(np.array([[0.0], [outside]]))

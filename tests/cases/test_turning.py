@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 from helpers.meshes import centres
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
 from kohonen_adapt.cases import case_of, fitting_mesh
 from kohonen_adapt.magnetostatics import halbach
 
@@ -78,7 +78,7 @@ def test_the_magnet_turns_with_its_subdomain(degrees, folder):
     (_, before), (mesh, after) = (solved(case_in(folder, turn={"rotor": angle})) for angle in (0.0, degrees))
     turn = ka.Rotation(np.radians(degrees)).matrix[:, :2]
     x = np.array([[0.1, 0.45, 0.02, 0.7], [0.05, 0.02, -0.3, -0.1]])
-    np.testing.assert_allclose(after.flux_density_at(turn @ x), turn @ before.flux_density_at(x), rtol=0, atol=1e-12)
+    assert_allclose(after.flux_density_at(turn @ x), turn @ before.flux_density_at(x), rtol=0, atol=1e-12)
     assert after.energy == pytest.approx(before.energy, rel=1e-12)
     assert mesh.subdomains.keys() == {"rotor", "magnet", "air", "coil"}
 
@@ -95,9 +95,9 @@ def test_vectors_of_every_kind_turn(vector, folder):
     x = np.array([[0.1, 0.2], [0.05, -0.1]])
     there = np.stack([-x[1], x[0]])
     before = halbach(1.0, 2)(x)
-    np.testing.assert_allclose(field(there), [-before[1], before[0]], atol=1e-15)
+    assert_allclose(field(there), [-before[1], before[0]], atol=1e-15)
     constant = case.problem.materials["magnet"].remanence
-    np.testing.assert_allclose(constant, (-1.2, 0.0), atol=1e-15)
+    assert_allclose(constant, (-1.2, 0.0), atol=1e-15)
     assert case.problem.materials["air"] == case.base_problem.materials["air"]
 
 
@@ -158,7 +158,7 @@ def test_a_rotor_turns_out_of_a_sector(degrees, folder):
     (_, before), (mesh, after) = (solved(of_sector(folder, angle)) for angle in (0.0, degrees))
     assert mesh.boundaries.keys() == {"outer", "right", "left"}
     named = np.concatenate([np.asarray(rows) for rows in mesh.boundaries.values()])
-    np.testing.assert_array_equal(np.sort(named), np.sort(mesh.boundary_facets()))
+    assert_array_equal(np.sort(named), np.sort(mesh.boundary_facets()))
     assert after.energy == pytest.approx(before.energy, rel=1e-10)
     radius, angle = np.array([0.2, 0.42, 0.47, 0.61, 0.75]), np.radians([33.0, 51.0, 46.0, 22.0, 67.0])
     turned_back = angle - np.radians(degrees)
@@ -173,26 +173,13 @@ def test_a_rotor_turns_out_of_a_sector(degrees, folder):
     then = (-1.0) ** poles * np.stack(
         [np.cos(turn) * then[0] - np.sin(turn) * then[1], np.sin(turn) * then[0] + np.cos(turn) * then[1]]
     )
-    np.testing.assert_allclose(now, then, rtol=0, atol=1e-9)
+    assert_allclose(now, then, rtol=0, atol=1e-9)
 
 
 def test_a_rotor_turns_out_of_a_sector_with_sides_only(folder):
     ka.write_mesh(folder / "machine.msh", sector())
     with pytest.raises(ValueError, match="turn: the angle turns it out of the mesh, which is a sector without a pair"):
         fitting_mesh(of_sector(folder, 10.0, antiperiodic=[]))
-
-
-@pytest.mark.slow
-def test_a_sweep_turns_the_rotor(folder):
-    command = ["sweep", str(folder / "case.toml"), "--over", "turn.rotor=0:90:4", "--quiet", "-o", str(folder / "out")]
-    assert cli.main(command) == 0
-    table = np.genfromtxt(folder / "out" / "sweep.csv", delimiter=",", skip_header=1, usecols=(0, 1))
-    np.testing.assert_array_equal(table[:, 0], [0, 30, 60, 90])
-    cases = [case_in(folder, turn={"rotor": angle}) for angle in (0, 30, 60, 90)]
-    results = [ka.adapt(fitting_mesh(case), case.problem, passes=0) for case in cases]
-    wanted = [result.solution.flux_linkage("coil") for result in results]
-    np.testing.assert_array_equal(table[:, 1], wanted)
-    assert len(set(wanted)) == 4
 
 
 def test_a_group_of_points_stays(folder):

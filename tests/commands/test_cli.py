@@ -72,7 +72,17 @@ def test_version(capsys):
     assert capsys.readouterr().out == f"kohonen-adapt {ka.__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["demo"], ["demo", "magnet"], ["demo", "motor", "--out", "x"], ["walk"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["demo"],
+        ["demo", "magnet"],
+        ["demo", "motor", "--out", "x"],
+        ["walk"],
+        ["run", "c", "--out", "a", "--resume", "b"],
+    ],
+)
 def test_wrong_use(arguments, capsys):
     with pytest.raises(SystemExit) as end:
         cli.main(arguments)

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from helpers.mesh_files import gmsh_session, needs_gmsh
+from helpers.mesh_files import drawn_by_gmsh, needs_gmsh
 from helpers.meshes import centres, square
 from helpers.places import ROOT
 from helpers.worlds import without_matplotlib
@@ -59,17 +59,10 @@ def bar_in_air(size=0.1):
 
 @needs_gmsh
 def test_iron_over_air_is_refused_with_the_remedy(tmp_path, capsys, said_of_case):
-    with gmsh_session() as model:
-        air, iron = model.occ.addRectangle(0, 0, 0, 0.1, 0.1), model.occ.addRectangle(0.03, 0.03, 0, 0.02, 0.04)
-        model.occ.synchronize()
-        model.addPhysicalGroup(2, [air], name="air")
-        model.addPhysicalGroup(2, [iron], name="iron")
-        model.addPhysicalGroup(1, [1, 2, 3, 4], name="outer")
-        model.mesh.setSize(model.getEntities(0), 0.01)
-        model.mesh.generate(2)
-        import gmsh
-
-        gmsh.write(str(tmp_path / "it.msh"))
+    text = """SetFactory("OpenCASCADE"); Mesh.MeshSizeMax = 0.01;
+Rectangle(1) = {0, 0, 0, 0.1, 0.1}; Rectangle(2) = {0.03, 0.03, 0, 0.02, 0.04};
+Physical Surface("air") = {1}; Physical Surface("iron") = {2}; Physical Curve("outer") = {1:4};"""
+    drawn_by_gmsh(tmp_path / "it.msh", text)
     for status, said in (said_of_case(None), said_by(capsys, "check", tmp_path / "it.msh")):
         assert status == 2
         assert "the mesh lies on itself: at (" in said and "(subdomain 'iron') is on element" in said
@@ -248,24 +241,14 @@ def test_wrong_names_and_vectors_are_told_what_is_meant(name, said_of_case):
 
 
 @needs_gmsh
-@pytest.mark.parametrize(("axis", "plane", "turn"), [((1, 0, 0), "xz", "-Pi/2"), ((0, 1, 0), "yz", "Pi/2")])
+@pytest.mark.parametrize(("axis", "plane", "turn"), [("1, 0, 0", "xz", "-Pi/2"), ("0, 1, 0", "yz", "Pi/2")])
 def test_a_drawing_in_another_plane_is_to_be_rotated(axis, plane, turn, tmp_path, capsys):
-    import gmsh
-
-    with gmsh_session() as model:
-        sheet = [(2, model.occ.addRectangle(0, 0, 0, 0.1, 0.2))]
-        model.occ.rotate(sheet, 0, 0, 0, *axis, np.pi / 2 if plane == "xz" else -np.pi / 2)
-        model.occ.synchronize()
-        model.mesh.generate(2)
-        gmsh.write(str(tmp_path / "it.msh"))
-        status, said = said_by(capsys, "check", tmp_path / "it.msh")
-        command = said.partition("Gmsh: Rotate ")[2].partition(" {Surface")[0]
-        assert status == 2 and f"The drawing is in the {plane}-plane; rotate it (Gmsh: Rotate {{{{" in said
-        assert command == f"{{{{{', '.join(map(str, axis))}}}, {{0, 0, 0}}, {turn}}}"
-        model.occ.rotate(sheet, 0, 0, 0, *axis, {"-Pi/2": -np.pi / 2, "Pi/2": np.pi / 2}[turn])
-        model.occ.synchronize()
-        model.mesh.clear()
-        model.mesh.generate(2)
-        gmsh.write(str(tmp_path / "it.msh"))
-    status, said = said_by(capsys, "check", tmp_path / "it.msh")
-    assert said.startswith("size: 0.1 x 0.2 m") and status == 1  # it has no names
+    """And the command that is told rotates it, to a mesh without names."""
+    text, back = 'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 0.1, 0.2};', turn.removeprefix("-")
+    text += f"Rotate {{{{{axis}}}, {{0, 0, 0}}, {back if turn[0] == '-' else '-' + turn}}} {{ Surface{{1}}; }}"
+    status, said = said_by(capsys, "check", drawn_by_gmsh(tmp_path / "it.msh", text))
+    command = said.partition("Gmsh: ")[2].partition(").")[0]
+    assert status == 2 and f"The drawing is in the {plane}-plane; rotate it (Gmsh: Rotate {{{{" in said
+    assert command == f"Rotate {{{{{axis}}}, {{0, 0, 0}}, {turn}}} {{Surface{{:}};}}"
+    status, said = said_by(capsys, "check", drawn_by_gmsh(tmp_path / "it.msh", text + command))
+    assert said.startswith("size: 0.1 x 0.2 m") and status == 1

@@ -86,13 +86,6 @@ def test_names_that_overlap_are_no_fault_where_some_are_enough(names):
     assert ("more than one" in said) == (sorted(set(chain(*names))) not in chosen)
 
 
-def test_two_labels_of_one_block_are_no_fault(tmp_path, capsys):
-    """The reader of FEMM names both and the block: no more than one name may get a material."""
-    mesh = square(4).with_subdomains({"copper 1": lambda x: x[0] < 0.5, "copper 2": lambda x: x[0] > 0.5})
-    mesh = mesh.with_subdomains({"copper": np.arange(32)}).with_boundaries({"rim": mesh.boundary_facets()})
-    assert said_of(mesh, tmp_path, capsys).endswith("\nNo faults found.\n")
-
-
 @pytest.mark.parametrize("off", [1e-7, 1e-6, 1e-5])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_straight_side_is_no_circle(off, seed):

@@ -82,20 +82,6 @@ def test_a_resumed_run_draws_pictures_and_shows_the_input_at_the_order_of_the_pa
     assert report.count("<img ") == 6 and f"<td>{table_of(out / 'history.csv')[0]['nodes']}</td>" in report
 
 
-@pytest.mark.parametrize(
-    ("order", "message"),
-    [
-        ("5.0", 'order must be a whole number from 1 to 8, or "auto"; got 5.0.'),
-        ('"5"', "order must be a whole number from 1 to 8, or \"auto\"; got '5'."),
-        ('5\nestimator = "recovery"', "elements of order 5 have the estimator 'residual' only; got 'recovery'."),
-    ],
-)
-def test_wrong_orders_are_named(order, message, tmp_path, capsys):
-    case = case_in(tmp_path, CASE.replace("order = 5", f"order = {order}"))
-    assert run_command("run", case, "--dry-run") == 2
-    assert message in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_around_an_axis_the_report_has_the_flux_function_inside_elements(out, tmp_path):
     axis = CASE.replace("order = 5", "order = 4\naxisymmetric = true").replace("passes = 2", "passes = 0")
@@ -109,11 +95,3 @@ def test_around_an_axis_the_report_has_the_flux_function_inside_elements(out, tm
     fields = json.JSONDecoder().raw_decode(text)[0]["fields"]
     assert [field["at"] for field in fields if field.get("lines")] == ["lattice", "lattice"]
     assert fields[1]["label"] == "flux function r A (Wb)" and fields[0]["at"] == "lattice"
-
-
-@pytest.mark.parametrize(
-    ("options", "passes"),
-    [("goal_rtol = 0.01", 12), ("output_rtol = 0.01", 12), ("rtol = 0.01\ntarget_nodes = 200", 4), ("passes = 3", 3)],
-)
-def test_the_number_of_passes_follows_the_tolerances(options, passes, tmp_path):
-    assert read_case(case_in(tmp_path, CASE.replace("passes = 2", options))).most_passes == passes

@@ -8,7 +8,7 @@ import pytest
 from helpers.cases import dry_run, run_command
 from helpers.examples import examples
 from helpers.mesh_files import two_rooms
-from helpers.meshes import centres
+from helpers.meshes import centres, square
 from helpers.places import EXAMPLES
 from hypothesis import given
 from hypothesis import strategies as st
@@ -77,7 +77,7 @@ def test_overlapping_names_are_commented_out(tmp_path):
 
 def test_no_flux_leaves_where_most_of_the_rim_is():
     """Not on the longest boundary, which is inside, nor on the rim of a hole."""
-    mesh = MeshTri.init_tensor(np.linspace(0, 9, 10), np.linspace(0, 9, 10))
+    mesh = square(9, 0.0, 9.0)
     mesh = mesh.remove_elements(np.flatnonzero((np.abs(centres(mesh) - 4.5) < 0.5).all(axis=0)))
     rim = mesh.boundary_facets()
     far = (np.abs(mesh.p[:, mesh.facets[:, rim]].mean(axis=1) - 4.5) > 4).any(axis=0)

@@ -10,6 +10,7 @@ from helpers.cases import dry_run, report_in, run_command, table_of
 from helpers.magnet_solids import blocks
 from helpers.places import EXAMPLES
 from helpers.worlds import without_matplotlib
+from numpy.testing import assert_allclose
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -98,13 +99,13 @@ def test_run_adapts_as_python_does(folder, capsys):
     error = problem.goal_error(field)  # printed with two digits
     assert np.allclose(np.array(told, float), pull(field) + np.array([0.0, error]), atol=0.06 * abs(error))
     fields = meshio.read(folder / "out" / "adapted.vtu")
-    np.testing.assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
+    assert_allclose(fields.point_data["phi (A)"], field.potential, atol=1e-6)
     assert fields.cell_data["B (T)"][0].shape[1] == 3
     inside = meshio.read(folder / "out" / "inside.vtu")
     (cells,) = inside.cells
     at = [inside.point_data[f"B_{axis} (T)"][cells.data[:, :4]].mean(axis=1) for axis in "xyz"]
     assert cells.type == "VTK_LAGRANGE_TETRAHEDRON"  # B is linear in elements
-    np.testing.assert_allclose(np.transpose(at), fields.cell_data["B (T)"][0], atol=1e-6)
+    assert_allclose(np.transpose(at), fields.cell_data["B (T)"][0], atol=1e-6)
 
 
 def test_init_writes_a_case_that_runs(folder, capsys):

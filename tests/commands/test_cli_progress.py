@@ -123,17 +123,6 @@ STEPS = ["relocate", "polish", "solve", "estimate"]
 
 
 @pytest.mark.slow
-def test_demo_shows_every_step(tmp_path):
-    steps = [f"pass 1 of 12: {step}" for step in STEPS]
-    steps += [f"pass 2 of 12: {step}" for step in STEPS if step != "polish"]
-    first = [f"pass 0 of 12: {step}" for step in ("solve", "estimate")]
-    shown, _, written = shown_by("demo", "magnet", "--out", tmp_path)
-    assert shown == [*first, *steps, "draw"]
-    assert {file.name for file in tmp_path.iterdir()} == {"magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"}
-    assert re.search(r"^(.*\r)?pass 2: 4\d\d nodes of order 4, estimate", written, re.MULTILINE)
-
-
-@pytest.mark.slow
 def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, out, tmp_path):
     first = [f"pass 0 of 1: {step}" for step in ("solve", "estimate", "write", "checkpoint")]
     second = [f"pass 1 of 1: {step}" for step in (*STEPS, "write", "checkpoint")]

@@ -156,27 +156,7 @@ def test_drawing_that_hears_of_nothing_ends_at_once(case, out, tmp_path, begin):
     assert run(case, "--resume", out) == 0
 
 
-@pytest.mark.slow
-def test_interrupted_before_the_first_pass(case, out, begin):
-    code = STUBBORN.replace("solve_from", "solve") + PLAIN_COMMAND
-    process = begin("run", case, "--out", out, code=code)
-    interrupted(process, "stubborn")
-    assert run(case, "--resume", out) == 0
-
-
 STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("option", ["--out", "--resume"])
-def test_drafts_of_an_interrupted_run_go_with_the_next(option, case, out, begin):
-    assert option == "--out" or run(case, "--out", out) == 0
-    case.write_text(CASE.replace("passes = 2", "passes = 3"))
-    process = begin("run", case, option, out, code=STUCK + PLAIN_COMMAND)
-    interrupted(process, "stuck")
-    assert drafts(out)
-    assert run(case, "--resume", out) == 0
-    assert not drafts(out)
 
 
 @pytest.mark.slow
@@ -360,12 +340,6 @@ def test_resume_with_another_case(old, new, said, case, out, capsys):
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1
     assert contents(out) == before
-
-
-def test_out_or_resume(case, tmp_path, capsys):
-    with pytest.raises(SystemExit):
-        run(case, "--out", tmp_path, "--resume", tmp_path)
-    assert "argument --resume: not allowed with argument -o/--out" in capsys.readouterr().err
 
 
 def test_pictures_of_a_run_need_no_further_solve(case, out, monkeypatch):

@@ -127,29 +127,6 @@ def test_a_dry_run_solves_and_writes_nothing(case, out, tmp_path, capsys, monkey
     assert names_in(tmp_path) == ["case.toml"]
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("[materials.air]", "", "every element needs a material; "),
-        (
-            "passes = 2",
-            "target_nodes = 10",
-            "adapt: target_nodes must be at least the number of nodes of the mesh, 899",
-        ),
-        (
-            "passes = 2",
-            'passes = "2"',
-            "adapt.passes must be an integer up to 2147483647; got '2'. Write it without quotes.",
-        ),
-    ],
-)
-def test_a_case_that_does_not_fit_its_mesh(case, old, new, said, capsys):
-    assert old in CASE
-    assert dry_run(case, CASE.replace(old, new)) == 2
-    error = capsys.readouterr().err.splitlines()[-1]
-    assert error.startswith(f"kohonen-adapt: {case}: {said}")
-
-
 def test_what_is_not_toml(case, capsys):
     assert dry_run(case, CASE.replace("1000.0", "1000,0")) == 2
     error = capsys.readouterr().err
@@ -215,20 +192,6 @@ def test_a_problem_that_fails_on_the_way_leaves_the_best_pass(case, out, capsys,
     assert run_command("run", case, "--out", out) == 1
     assert "no second time" in capsys.readouterr().err
     assert "adapted.msh" in names_in(out)
-
-
-def test_the_report_says_what_was_asked_for(case, out, monkeypatch):
-    without_matplotlib(monkeypatch)
-    case.write_text(
-        CASE.replace("passes = 2", "passes = 1\nrtol = 0.5\noutput_rtol = 0.1\ntarget_nodes = 900\nseed = 7")
-    )
-    assert run_command("run", case, "--out", out, "--quiet") == 0
-    report = report_in(out)
-    assert (
-        "Plan: at most 1 pass, until the estimated error is at most 50 % of the energy norm and that of every output "
-        "is at most 10 %, with 899 to 900 nodes of order 2." in report
-    )
-    assert "<h3>Seed</h3>\n<pre>7</pre>" in report
 
 
 def test_how_far_curves_are_from_their_facets_is_said_once_in_the_unit_of_the_file(out, tmp_path, capsys, monkeypatch):

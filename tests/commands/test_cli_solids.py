@@ -155,10 +155,3 @@ def test_relocate_keeps_groups_and_goes_where_it_is_told(tmp_path, capsys, topol
     assert all(low < 0.5 + 1e-12 for *_, low in in_front(after, "wall"))
     near = [np.sum(np.sum((each.p - 0.3) ** 2, axis=0) < 0.3**2) for each in (mesh, after)]
     assert near[1] > near[0]
-
-
-def test_a_case_of_tetrahedra_is_written_with_their_names(tmp_path):
-    ka.write_mesh(tmp_path / "solid.msh", two_boxes(1))
-    assert run_command("init", tmp_path / "solid.msh") == 0
-    text = (tmp_path / "solid.toml").read_text()
-    assert "[materials.low]" in text and "outer = 0.0" in text and "[symmetry]" in text

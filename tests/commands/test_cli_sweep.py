@@ -1,20 +1,14 @@
 """The command `sweep`: a case for many values of its keys, as a table and a picture, cut short and gone on with."""
 
 import json
-import os
-import signal
-import subprocess
 import sys
 
-import numpy as np
 import pytest
 from helpers.cases import case_in, run_command, table_of, without_processes
 from helpers.meshes import inset
-from helpers.processes import alive, wait_until
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.commands.sweep import CaseOutputs
 
 CASE = """
 mesh = "mesh.msh"
@@ -190,64 +184,6 @@ def test_another_mesh_is_another_sweep(case, here, out, tmp_path, capsys):
     assert "its code or data of the function differ" in capsys.readouterr().err
 
 
-COMMAND = """
-import os, signal, sys, time
-from kohonen_adapt.commands import sweep
-from kohonen_adapt.__main__ import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-
-call = sweep.CaseOutputs.__call__
-
-def slow(self, **values):
-    open(os.path.join(os.path.dirname(self.file), f"begun {os.getpid()}"), "w").close()
-    time.sleep(0.5)
-    return call(self, **values)
-
-sweep.CaseOutputs.__call__ = slow
-if __name__ == "__main__":
-    sys.modules["matplotlib"] = None
-    sys.exit(main())
-"""
-
-
-def permeabilities(case, count):
-    """The rows of as many permeabilities, computed in this process."""
-    outputs = CaseOutputs.of(case)
-    values = [{"materials.core.permeability": value} for value in np.linspace(10.0, 1000.0, count).tolist()]
-    results = [over | outputs(**over) for over in values]
-    return [{name: value for name, value in each.items() if not isinstance(value, str)} for each in results]
-
-
-def numbers(folder):
-    """The table without times, and with no error in it."""
-    return [
-        {name: float(value) for name, value in row.items() if value and name != "status"}
-        for row in table_of(folder / "sweep.csv")
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_cut_short_and_resumed(number, case, tmp_path):
-    (tmp_path / "command.py").write_text(COMMAND)
-    over, out = ["--over", "materials.core.permeability=10:1000:7"], tmp_path / "out"
-    command = [sys.executable, tmp_path / "command.py", "sweep", case, *over, "--jobs", "2", "--out", out]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    process = subprocess.Popen(list(map(str, command)), env=environment, stderr=subprocess.PIPE, stdout=subprocess.PIPE)
-    wait_until(lambda: len(list(out.glob("cases/case-*"))) >= 2)
-    process.send_signal(number)
-    _, said = process.communicate(timeout=30)
-    assert process.returncode == -number and b"Traceback" not in said
-    workers = [int(file.name.split()[-1]) for file in tmp_path.glob("begun *")]
-    assert len(workers) == 2
-    wait_until(lambda: not any(map(alive, workers)), seconds=5)
-    kept = {file: file.read_bytes() for file in out.glob("cases/case-*")}
-    assert 2 <= len(kept) < 7
-    assert sweep(case, *over, "--resume", out) == 0
-    assert all(file.read_bytes() == content for file, content in kept.items())
-    assert numbers(out) == permeabilities(case, 7)
-
-
 def test_a_scheduler_without_dask(case, out, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert sweep(case, *OVER, "--scheduler", "tcp://127.0.0.1:1", "--out", out) == 2
@@ -255,10 +191,11 @@ def test_a_scheduler_without_dask(case, out, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_a_cluster_computes_the_same(case, tmp_path):
+def test_a_cluster_computes_the_same(case, here, tmp_path):
     distributed = pytest.importorskip("distributed")
     over = ["--over", "materials.core.permeability=10:1000:2"]
+    assert sweep(case, *over, "--out", tmp_path / "here") == 0
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
         assert sweep(case, *over, "--scheduler", cluster.scheduler_address, "--out", tmp_path / "cluster") == 0
-    assert numbers(tmp_path / "cluster") == permeabilities(case, 2)
-    assert all(np.isfinite(row["pull (N/m)"]) for row in numbers(tmp_path / "cluster"))
+    found, wanted = (table_of(tmp_path / name / "sweep.csv") for name in ("cluster", "here"))
+    assert found == wanted and all(row["pull (N/m)"] for row in found)

@@ -115,6 +115,7 @@ def test_tolerances_of_the_command_replace_those_of_the_case(run, tmp_path):
     report = report_in(out)
     assert f"kohonen-adapt run case.toml {options} --out out" in report
     assert "until the estimated error is at most 0.2 % of the energy norm and that of every output is at most" in report
+    assert "<h3>Seed</h3>\n<pre>1</pre>" in report
     assert "<dt>error of stored (J/m)</dt>" in report and "<dt>corrected stored (J/m)</dt>" in report
     assert last["order"] != first["order"] == "2" and "<th>order</th>" in report and "  order  " in said
 
@@ -210,6 +211,11 @@ def test_an_order_by_name_or_number(order, run):
         (adapting("rtol = 2"), [], "adapt: rtol must be a fraction, at most 1; got 2.0. Write 0.01 for 1 %."),
         (adapting("output_rtol = 5"), [], "adapt: output_rtol must be a fraction, at most 1; got 5.0."),
         (adapting("output_rtol = {stored = 5}"), [], "must be a fraction, at most 1; got 5.0."),
+        (
+            'order = 5\nestimator = "recovery"\n' + CASE,
+            [],
+            "order 5 have the estimator 'residual' only; got 'recovery'.",
+        ),
         ('order = "Auto"\n' + CASE, [], "order must be a whole number from 1 to 8, or \"auto\"; got 'Auto'."),
     ],
 )

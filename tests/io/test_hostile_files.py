@@ -22,7 +22,7 @@ from helpers.places import names_in
 from helpers.small_files import ABAQUS, BY_HAND, GMSH, GRID, SQUARE, SU2, disc, written
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -322,9 +322,9 @@ def test_every_form_of_vtu(options, tmp_path):
     meshio.vtu.write(path, of_meshio(mesh, cell_data={"e": [field]}), **options)
     back = ka.read_mesh(path)
     rtol = 1e-10 if options.get("binary") is False else 0.0  # meshio writes eleven digits
-    np.testing.assert_allclose(back.p, mesh.p, rtol=rtol)
+    assert_allclose(back.p, mesh.p, rtol=rtol)
     assert_array_equal(back.t, mesh.t)
-    np.testing.assert_allclose(ka.read_field(path, mesh, "e"), field, rtol=rtol)
+    assert_allclose(ka.read_field(path, mesh, "e"), field, rtol=rtol)
 
 
 @pytest.mark.parametrize("version", [b"0.1", b"2.2"])

@@ -8,6 +8,7 @@ import pytest
 from helpers.curved_meshes import curved_annulus
 from helpers.examples import examples
 from helpers.mesh_files import SUFFIXES, assert_same, assert_same_directions, two_boxes, two_rooms
+from helpers.meshes import square
 from helpers.places import names_in
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ def directed():
 
 def large():
     """More elements than are handled together."""
-    mesh = MeshTri.init_tensor(*(np.linspace(0, 1, 184),) * 2).with_boundaries({"left": lambda x: x[0] == 0})
+    mesh = square(183).with_boundaries({"left": lambda x: x[0] == 0})
     return mesh.with_subdomains({"low": lambda x: x[1] < 0.9, "all": np.arange(mesh.nelements)})
 
 

@@ -8,7 +8,7 @@ from helpers.cases import run_command
 from helpers.mesh_files import WHY_NOT, assert_same, drawn_by_gmsh, gmsh, groups_in_gmsh, needs_gmsh, two_rooms
 from helpers.places import EXAMPLES
 from helpers.worlds import without_matplotlib
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -39,7 +39,7 @@ def assert_same_groups(path, other):
     assert got.keys() == wanted.keys()
     for key, (name, _, places) in wanted.items():
         assert got[key][0] == name
-        np.testing.assert_allclose(measure(got[key][2]), measure(places), rtol=1e-12)
+        assert_allclose(measure(got[key][2]), measure(places), rtol=1e-12)
 
 
 @pytest.fixture(params=["2.2", "4.1"])

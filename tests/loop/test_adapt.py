@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from helpers.meshes import square
 from helpers.stand_ins import ELEMENTS, MESH, Script, adapt, script_of
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -167,7 +167,7 @@ def test_the_first_relocation_is_that_to_the_density_of_order_and_norm(order, no
             ka.metric_from_hessian(MESH, problem.solve(MESH), first.indicators, order=degree, norm=norm)
             for degree in (order, 4)
         )
-    np.testing.assert_allclose(second.mesh.p, ka.relocate(MESH, density, **wanted).p, rtol=0, atol=1e-12)
+    assert_allclose(second.mesh.p, ka.relocate(MESH, density, **wanted).p, rtol=0, atol=1e-12)
     assert not np.array_equal(second.mesh.p, ka.relocate(MESH, other, **wanted).p)
 
 

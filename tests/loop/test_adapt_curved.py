@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import disk, square
+from numpy.testing import assert_allclose
 from skfem import Basis, ElementTriP1, ElementTriP2, LinearForm, MeshTri, MeshTri2, condense, solve
 from skfem.models.poisson import laplace
 
@@ -43,7 +44,7 @@ def test_a_problem_that_wants_bent_sides_gets_them_from_the_input_on(topology):
     result = ka.adapt(RIM, problem, passes=2, topology=topology)
     for mesh in problem.meshes:
         assert type(mesh) is MeshTri2
-        np.testing.assert_allclose(np.hypot(*mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()]), 1.0, atol=1e-12)
+        assert_allclose(np.hypot(*mesh.p[:, mesh.nvertices :][:, mesh.boundary_facets()]), 1.0, atol=1e-12)
     assert type(result.mesh) is MeshTri2 and result.history[0].mesh.nvertices == RIM.nvertices
     assert result.nodes.shape == (result.mesh.nvertices,)
     assert result.history[0].unknowns == RIM.nvertices + RIM.facets.shape[1]
@@ -76,5 +77,5 @@ def test_densities_count_the_area_between_bent_sides():
     mesh = ka.adapt(RIM, Disk(curved=True), passes=0).mesh
     size = Basis(mesh, ElementTriP1(), intorder=4).dx.sum(axis=1)
     rho = ka.density_from_indicators(mesh, np.arange(1.0, mesh.nelements + 1.0), order=2)
-    np.testing.assert_allclose(np.sum(size * rho), mesh.nvertices, rtol=1e-12)
+    assert_allclose(np.sum(size * rho), mesh.nvertices, rtol=1e-12)
     assert ka.density_from_sizes(mesh, np.ones(mesh.nelements)).shape == (mesh.nelements,)

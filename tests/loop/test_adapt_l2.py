@@ -2,51 +2,41 @@
 
 import numpy as np
 import pytest
+from helpers.meshes import square
+from helpers.scalar_problems import Scalar
 from numpy.testing import assert_array_equal
-from skfem import Basis, ElementTriP1, Functional, LinearForm, MeshTri, condense, solve
-from skfem.models.poisson import laplace
+from skfem import Basis, ElementTriP1, Functional
 
 import kohonen_adapt as ka
 
 
-class Wave:
+class Wave(Scalar):
     """-div grad u = f for u = cos(a x) cos(b y), with u given on the whole boundary."""
 
     norm = "L2"
     calibrated = True
 
     def __init__(self, a, b):
+        super().__init__(source=self.source)
         self.a, self.b = a * np.pi, b * np.pi
 
-    def exact(self, x):
+    def given(self, x):
         return np.cos(self.a * x[0]) * np.cos(self.b * x[1])
 
     def source(self, x, region=None):
-        return (self.a**2 + self.b**2) * self.exact(x)
-
-    def solve(self, mesh):
-        basis = Basis(mesh, ElementTriP1(), intorder=6)
-        load = LinearForm(lambda v, w: self.source(w.x) * v).assemble(basis)
-        return solve(*condense(laplace.assemble(basis), load, x=self.exact(mesh.p), D=mesh.boundary_nodes()))
+        return (self.a**2 + self.b**2) * self.given(x)
 
     def indicators(self, mesh, solution):
         return ka.estimators.recovery(mesh, solution, np.ones(mesh.nelements))
 
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()), 1.0, self.source)
-
     def error(self, step):
         basis = Basis(step.mesh, ElementTriP1(), intorder=8)
         solution = basis.interpolate(self.solve(step.mesh))
-        return np.sqrt(Functional(lambda w: (w["u"] - self.exact(w.x)) ** 2).assemble(basis, u=solution))
+        return np.sqrt(Functional(lambda w: (w["u"] - self.given(w.x)) ** 2).assemble(basis, u=solution))
 
 
 class Uncalibrated(Wave):
     calibrated = False
-
-
-def squares(n):
-    return MeshTri.init_tensor(*2 * [np.linspace(0.0, 1.0, n + 1)])
 
 
 @pytest.mark.parametrize(
@@ -59,14 +49,14 @@ def squares(n):
     ],
 )
 def test_the_error_in_l2_is_lower_than_without_a_polish(wave, topology, most, of_plain):
-    result, plain = (ka.adapt(squares(14), wave, topology=topology, polish=polish) for polish in (True, False))
+    result, plain = (ka.adapt(square(14), wave, topology=topology, polish=polish) for polish in (True, False))
     error = wave.error(result.best)
     assert error < most * wave.error(result.history[0]) and error < of_plain * wave.error(plain.best)
 
 
 @pytest.mark.parametrize("topology", ["recycle", "flip", "fixed"])
 def test_the_best_pass_has_the_least_estimate_in_l2(topology):
-    result = ka.adapt(squares(10), Wave(2, 2), topology=topology, pinned=squares(10).boundary_nodes())
+    result = ka.adapt(square(10), Wave(2, 2), topology=topology, pinned=square(10).boundary_nodes())
     assert result.best.worth == min(step.worth for step in result.history)
     assert all(step.polish_gain > 0.0 and not step.comparable for step in result.history[1:])
     assert result.message.endswith(
@@ -75,7 +65,7 @@ def test_the_best_pass_has_the_least_estimate_in_l2(topology):
 
 
 def test_indicators_that_may_overrate_stretched_elements_allow_no_polish():
-    result = ka.adapt(squares(10), Uncalibrated(0, 2), passes=2)
-    plain = ka.adapt(squares(10), Wave(0, 2), passes=2, polish=False)
+    result = ka.adapt(square(10), Uncalibrated(0, 2), passes=2)
+    plain = ka.adapt(square(10), Wave(0, 2), passes=2, polish=False)
     assert_array_equal(result.mesh.p, plain.mesh.p)
     assert result.message.endswith(" No polish: the norm 'L2' requires `calibrated` indicators.")

@@ -9,6 +9,8 @@ from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh, sheet_field, smooth_field, smooth_potential, true_error
 from helpers.meshes import square
 from helpers.round_magnet import CENTRED_CURVES, CENTRED_SQUARED_NORM, crowded_magnet_mesh, magnet_problem
+from helpers.scalar_problems import Scalar
+from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -28,7 +30,7 @@ def test_the_result_has_the_order_and_layers_and_its_error_is_told():
     assert result.mesh.nvertices > mesh.nvertices and result.nodes.shape == (result.mesh.nvertices,)
     assert 0.9 < result.estimate / true_error(result.solution, sheet_field) < 1.2
     assert "Solved with order 5 on 2 layers at 4 corners" in result.message
-    np.testing.assert_array_equal(mesh.p, before)
+    assert_array_equal(mesh.p, before)
 
 
 def test_a_missed_tolerance_is_no_convergence():
@@ -59,45 +61,35 @@ def test_smooth_fields_get_no_layers():
     assert true_error(result.solution, smooth_field) < 1e-5 * np.sqrt(result.solution.squared_norm)
 
 
-class Poisson:
+class Poisson(Scalar):
     """-lap u = 1 by scikit-fem's elements of order 1 to 4, with the order in the solution."""
 
     orders = (1, 4)
 
     def __init__(self, order):
-        self.order = order
+        super().__init__(order, source=1.0)
 
     def solve(self, mesh, order=None):
-        from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4, condense, solve
-        from skfem.models import laplace, unit_load
-
-        kind = [ElementTriP1, ElementTriP2, ElementTriP3, ElementTriP4][(order or self.order) - 1]
-        basis = Basis(mesh, kind(), intorder=8)
-        matrix, load = laplace.assemble(basis), unit_load.assemble(basis)
-        rows = basis.get_dofs(mesh.boundary_facets())
-        return basis, solve(*condense(matrix, load, D=rows)), matrix
+        return order or self.order, self.solved(mesh, order or self.order)
 
     def indicators(self, mesh, solution):
-        basis, u, _ = solution
-        from skfem import Basis, ElementTriP1
-
-        flat = Basis(mesh, ElementTriP1(), intorder=8)
+        order, u = solution
+        basis = self.basis(mesh, order)
         slope = np.asarray(basis.interpolate(u).grad)
-        mean = (slope * flat.dx).sum(axis=2, keepdims=True) / flat.dx.sum(axis=1)[:, None]
-        return np.sqrt((((slope - mean) ** 2).sum(axis=0) * flat.dx).sum(axis=1))
+        mean = (slope * basis.dx).sum(axis=2, keepdims=True) / basis.dx.sum(axis=1)[:, None]
+        return np.sqrt((((slope - mean) ** 2).sum(axis=0) * basis.dx).sum(axis=1))
 
     def ritz(self, mesh, solution):
-        basis, u, _ = solution
-        fixed = np.zeros(u.size, dtype=bool)
-        fixed[basis.get_dofs(mesh.boundary_facets()).flatten()] = True
-        return ka.Ritz(u, fixed, 1.0, 1.0, order=basis.elem.maxdeg)
+        order, u = solution
+        return ka.Ritz(u, self.fixed(self.basis(mesh, order)), 1.0, 1.0, order=order)
 
 
 def test_a_problem_of_ones_own_with_orders():
-    result = ka.adapt(MeshTri.init_lshaped().refined(3), Poisson(4), passes=1)
-    basis, u, matrix = result.solution
-    assert basis.elem.maxdeg == 4 and "2 layers at 1 corner," in result.message
-    assert u @ matrix @ u == pytest.approx(0.2140758, abs=2e-5)
+    problem = Poisson(4)
+    result = ka.adapt(MeshTri.init_lshaped().refined(3), problem, passes=1)
+    order, u = result.solution
+    assert order == 4 and "2 layers at 1 corner," in result.message
+    assert u @ problem.matrix(problem.basis(result.mesh, 4)) @ u == pytest.approx(0.2140758, abs=2e-5)
 
 
 def test_a_problem_may_have_orders_above_those_of_the_package():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.mesh_files import of_meshio
 from helpers.meshes import square
+from numpy.testing import assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -86,7 +87,7 @@ def test_faults_have_an_element_and_a_value(tmp_path, capsys, dim, door, fault):
     )
     with pytest.raises(ValueError, match=message):
         DOORS[door](mesh, tensors, tmp_path, *([capsys] if door.startswith("-") else []))
-    np.testing.assert_array_equal(tensors, kept)
+    assert_array_equal(tensors, kept)
 
 
 @pytest.mark.parametrize("fault", ["indefinite", "not a number"])

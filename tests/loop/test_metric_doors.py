@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers.mesh_files import two_rooms
 from helpers.meshes import square
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 from skfem import MeshTet, MeshTri
 
@@ -115,5 +115,5 @@ def test_the_map_learns_in_the_metric_as_in_coordinates_in_which_it_is_round(mes
             back = kind(np.linalg.inv(there) @ som.mesh.p, som.mesh.t)
             measured.append((ka.quality(back).mean(), cKDTree(back.p.T).query(points.T)[0].mean()))
     in_round, in_metric, euclidean = np.median(np.reshape(measured, (5, 3, 2)), axis=0)
-    np.testing.assert_allclose(in_metric, in_round, rtol=0.1)
+    assert_allclose(in_metric, in_round, rtol=0.1)
     assert euclidean[0] < 0.85 * in_round[0]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.meshes import centres
+from numpy.testing import assert_array_equal
 from skfem import MeshQuad, MeshTet, MeshTri
 
 import kohonen_adapt as ka
@@ -125,7 +126,7 @@ def test_layers_hold_no_node(topology):
     mesh = mesh.with_subdomains(parts)
     layers = 4 if topology == "recycle" else 2  # missing layers are made
     why = ka.why_held(mesh, ka.Rules(topology, layers={"gap": layers}))
-    np.testing.assert_array_equal(why, ka.why_held(mesh))
+    assert_array_equal(why, ka.why_held(mesh))
     if topology == "flip":
         with pytest.raises(ValueError, match="subdomain 'gap' has 2 layers"):
             ka.why_held(mesh, ka.Rules(layers={"gap": 4}))
@@ -167,7 +168,7 @@ def test_the_polish_moves_no_node_of_a_rim_with_a_reason(condition, order, goal)
 def test_a_final_order_is_not_the_order_of_the_polish():
     mesh = square()
     low, high = (Magnetostatics(COIL, {"rim": 0.0}, order=order) for order in (2, 5))
-    np.testing.assert_array_equal(ka.why_held(mesh, high), ka.why_held(mesh, low))
+    assert_array_equal(ka.why_held(mesh, high), ka.why_held(mesh, low))
 
 
 def slab():
@@ -208,7 +209,7 @@ def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
     why, polished = ka.why_held(mesh, problem), ka.polish(mesh, problem)
     rim = mesh.boundary_nodes()
     assert set(why[rim]) == {reason} and set(np.delete(why, rim)) == {""}
-    np.testing.assert_array_equal(polished.p[:, rim], mesh.p[:, rim])
+    assert_array_equal(polished.p[:, rim], mesh.p[:, rim])
 
 
 def counts(result):

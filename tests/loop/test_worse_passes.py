@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.meshes import centres
+from helpers.meshes import centres, square
 from helpers.poisson_solids import Minimised, fichera
 from helpers.scalar_problems import Gaussians, magnet, magnet_mesh
 from helpers.stand_ins import killed_at
@@ -133,10 +133,9 @@ def test_a_mesh_that_grows_keeps_the_nodes_of_the_best_and_splits_edges():
 
 def test_a_sweep_that_is_undone_leaves_every_coefficient_as_it_was():
     """At order 3 some sweeps raise this functional; with coefficients of theirs the polish would gain without end."""
-    ticks = np.linspace(0.0, 1.0, 14)
     problem, mesh = (
         Gaussians(np.array([[0.3, 0.4], [0.8, 0.7]]), np.array([0.15, 0.3]), 3),
-        MeshTri.init_tensor(ticks, ticks),
+        square(13),
     )
     history = ka.adapt(mesh, problem, passes=3).history
     excess = history[0].functional + 0.5 * problem.energy(mesh.refined(2), 3)

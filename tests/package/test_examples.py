@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
 from helpers.places import EXAMPLES, names_in
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
@@ -67,8 +68,8 @@ def test_a_case_is_what_its_script_is(request, name):
     else:
         after = request.getfixturevalue(name)[1][0]
     again = ka.adapt(fitting_mesh(case), case.problem, outputs=case.outputs, **case.adapt)
-    np.testing.assert_array_equal(again.mesh.p, after.mesh.p)
-    np.testing.assert_array_equal(again.mesh.t, after.mesh.t)
+    assert_array_equal(again.mesh.p, after.mesh.p)
+    assert_array_equal(again.mesh.t, after.mesh.t)
 
 
 def test_every_case_has_been_compared():
@@ -116,10 +117,10 @@ def test_magnet_writes_its_files(magnet):
     assert names_in(folder) == ["magnet.html", "magnet.msh", "magnet.png", "magnet.vtu"]
     file = meshio.vtu.read(folder / "magnet.vtu")
     assert {"B (T)", "H (A per m)", "indicator", "region"} <= file.cell_data.keys()
-    np.testing.assert_array_equal(file.point_data["A (Wb per m)"], after.solution.potential)
+    assert_array_equal(file.point_data["A (Wb per m)"], after.solution.potential)
     for name in ("magnet.msh", "magnet.vtu"):
         back = ka.read_mesh(folder / name)
-        np.testing.assert_array_equal(back.p, after.mesh.p)
+        assert_array_equal(back.p, after.mesh.p)
         assert set(back.subdomains) == {"iron", "magnet", "air"} and set(back.boundaries) == {"outer"}
 
 
@@ -140,7 +141,7 @@ def test_l_shape_has_less_than_half_the_error_at_the_same_nodes(l_shape):
 def test_l_shape_writes_its_files(l_shape):
     folder, after, _ = l_shape
     assert names_in(folder) == ["l_shape.png", "l_shape.vtu"]
-    np.testing.assert_array_equal(meshio.vtu.read(folder / "l_shape.vtu").point_data["u"], after.solution)
+    assert_array_equal(meshio.vtu.read(folder / "l_shape.vtu").point_data["u"], after.solution)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +164,7 @@ def test_motor_keeps_its_circles_and_two_layers_in_the_gap(motor):
     mesh = motor[1][0].mesh
     radius = np.hypot(*mesh.p)
     for name, wanted in (("outer", 0.080), ("ring", 0.0445), ("inner", 0.015)):
-        np.testing.assert_allclose(radius[mesh.facets[:, mesh.boundaries[name]]], wanted, rtol=1e-12)
+        assert_allclose(radius[mesh.facets[:, mesh.boundaries[name]]], wanted, rtol=1e-12)
     corners = radius[mesh.t[:, mesh.subdomains["gap"]]]
     assert corners.min() == pytest.approx(0.044, rel=1e-12)
     assert corners.max() == pytest.approx(0.045, rel=1e-12)
@@ -220,7 +221,7 @@ def test_bracket_is_nearer_to_fine_meshes_with_its_nodes_on_its_cylinders(bracke
     folder, mesh, heats = bracket
     assert mesh.nvertices == 803 and abs(heats[-1] - 0.1763) < abs(heats[0] - 0.1763) / 3.0
     x, y, _ = mesh.p[:, np.unique(mesh.facets[:, mesh.boundaries["bore"]])]
-    np.testing.assert_allclose(np.hypot(x - 0.03, y - 0.01), 0.005, rtol=1e-12)
+    assert_allclose(np.hypot(x - 0.03, y - 0.01), 0.005, rtol=1e-12)
     back, before = ka.read_groups(folder / "bracket.msh"), ka.read_groups(EXAMPLES / "bracket.msh")
     assert back.names == before.names and set(mesh.subdomains) == {"pin", "plate"}
 

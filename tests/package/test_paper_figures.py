@@ -5,6 +5,7 @@ import runpy
 import numpy as np
 import pytest
 from helpers.places import EXAMPLES
+from numpy.testing import assert_allclose
 
 pytestmark = pytest.mark.slow
 
@@ -83,7 +84,7 @@ def test_without_the_check_elements_overlap_to_the_end(facts):
 def test_l_shape_keeps_its_elements_and_a_delaunay_pass_betters_them(facts):
     l_shape = facts["figure_8_l_shape"]
     assert l_shape["overturned"] == 0
-    np.testing.assert_allclose(l_shape["area"], 3.0, rtol=1e-12)
+    assert_allclose(l_shape["area"], 3.0, rtol=1e-12)
     for quality in (l_shape["min_quality"], l_shape["mean_quality"]):
         _, fixed, delaunay = quality
         assert delaunay > fixed > 0

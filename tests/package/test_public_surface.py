@@ -11,10 +11,10 @@ import sys
 import textwrap
 from pathlib import Path
 
-import numpy as np
 import pytest
 from helpers.places import PACKAGE
 from helpers.prose import imports_of
+from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -197,7 +197,7 @@ def test_calls_leave_nothing_behind():
     before = shared_state()
     first = ka.adapt(mesh, problem, passes=2)
     assert shared_state() == before and len(before) > 10
-    np.testing.assert_array_equal(ka.adapt(mesh, problem, passes=2).mesh.p, first.mesh.p)
+    assert_array_equal(ka.adapt(mesh, problem, passes=2).mesh.p, first.mesh.p)
 
 
 def imports_of_tests():

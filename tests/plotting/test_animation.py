@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.meshes import square
 from helpers.places import names_in
 from helpers.reports import a_pass
 from PIL import Image
@@ -39,7 +40,7 @@ def test_of_many_passes_sixty_are_shown(tmp_path):
 
 
 def test_a_map_is_trained_epoch_by_epoch(tmp_path):
-    mesh = MeshTri.init_tensor(*(np.linspace(0.0, 1.0, 6),) * 2)
+    mesh = square(5)
     points = np.random.default_rng(1).uniform(0.0, 0.5, (2, 80))
     schedule = ka.Schedule((ka.Stage(1, 2, (0.4, 0.2)), ka.Stage(0, 1, 0.1)), fresh=False)
     som, twin = ka.KohonenMap(mesh), ka.KohonenMap(mesh)

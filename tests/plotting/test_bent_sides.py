@@ -3,6 +3,7 @@
 import numpy as np
 from helpers.meshes import disk
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri2
 
 from kohonen_adapt import Rules
@@ -29,7 +30,7 @@ def test_the_outline_is_a_circle_and_edges_inside_are_straight():
     *_, rim = axes.lines
     found = radii_of(rim)
     assert np.sum(np.isfinite(found)) == (PARTS + 1) * len(ROUND.boundary_facets())
-    np.testing.assert_allclose(found[np.isfinite(found)], 1.0, atol=FLAT)
+    assert_allclose(found[np.isfinite(found)], 1.0, atol=FLAT)
     straight, bent = straight_and_curved(ROUND, np.arange(ROUND.facets.shape[1]))
     assert len(straight) + bent.shape[2] == ROUND.facets.shape[1]
     assert set(straight) == set(range(ROUND.facets.shape[1])) - set(ROUND.boundary_facets())
@@ -37,10 +38,10 @@ def test_the_outline_is_a_circle_and_edges_inside_are_straight():
 
 def test_elements_are_divided_between_their_bent_sides():
     fine = divided(ROUND, PARTS)
-    np.testing.assert_allclose(area(fine).sum(), np.pi, rtol=1e-3)
-    np.testing.assert_allclose(np.hypot(*fine.p).max(), 1.0, atol=FLAT)
+    assert_allclose(area(fine).sum(), np.pi, rtol=1e-3)
+    assert_allclose(np.hypot(*fine.p).max(), 1.0, atol=FLAT)
     parts = area(fine).reshape(PARTS**2, -1).sum(axis=0)
-    np.testing.assert_allclose(parts, area(ROUND), rtol=1e-2)
+    assert_allclose(parts, area(ROUND), rtol=1e-2)
 
 
 def test_colours_and_lines_reach_the_arc():
@@ -49,11 +50,11 @@ def test_colours_and_lines_reach_the_arc():
     shades = draw_indicators(one, ROUND, np.arange(1.0, ROUND.nelements + 1.0), unit="")
     outlines = [path.vertices for path in shades.get_paths()]  # closed
     areas = [0.5 * abs(np.sum(x[:-1, 0] * x[1:, 1] - x[:-1, 1] * x[1:, 0])) for x in outlines]
-    np.testing.assert_allclose(areas, area(ROUND)[shades.get_array().astype(int) - 1], rtol=1e-2)
+    assert_allclose(areas, area(ROUND)[shades.get_array().astype(int) - 1], rtol=1e-2)
     colours = draw_field_lines(other, ROUND, ROUND.p[0, : ROUND.nvertices], np.ones((3, ROUND.nelements)), unit="")
     assert colours.get_array().size == lattice(PARTS)[0].shape[1] * ROUND.nelements
     places = np.concatenate(outlines)
-    np.testing.assert_allclose(np.hypot(*places.T).max(), 1.0, atol=FLAT)
+    assert_allclose(np.hypot(*places.T).max(), 1.0, atol=FLAT)
 
 
 def test_a_report_has_lines_along_the_arc(monkeypatch):
@@ -61,8 +62,8 @@ def test_a_report_has_lines_along_the_arc(monkeypatch):
     shown = _mesh(flat(ROUND, None), (), "")
     places = np.stack([shown["x"], shown["y"]]) + np.array(shown["centre"])[:, None]
     assert shown["outline"].shape == (PARTS * len(ROUND.boundary_facets()), 2)
-    np.testing.assert_allclose(np.hypot(*places[:, shown["outline"]]), 1.0, atol=FLAT)
-    np.testing.assert_array_equal(shown["t"], ROUND.t)
+    assert_allclose(np.hypot(*places[:, shown["outline"]]), 1.0, atol=FLAT)
+    assert_array_equal(shown["t"], ROUND.t)
 
 
 def test_chains_are_called_what_they_are():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
 from matplotlib.collections import LineCollection, PolyCollection
+from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
@@ -34,7 +35,7 @@ def test_pictures_have_coils():
     ax = plot_slice(mesh, ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0)), coils=[COIL, COIL], unit="mm")
     lines = [each for each in ax.collections if isinstance(each, LineCollection)]
     ends = np.array(lines[-1].get_segments())
-    np.testing.assert_allclose([ends.min(), ends.max()], [-900.0, 900.0])
+    assert_allclose([ends.min(), ends.max()], [-900.0, 900.0])
     plain = len(plot_surface(mesh).collections)
     drawn = [each for each in plot_surface(mesh, coils=[COIL]).collections if isinstance(each, PolyCollection)]
     assert len(drawn) == plain + 1 and len(drawn[-1].get_paths()) == 4

@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt.plotting import sweep_figure
@@ -21,14 +22,14 @@ def test_every_output_over_the_first_parameter():
     assert [(axes.get_xlabel(), axes.get_ylabel()) for axes in panels] == [("x", "sum"), ("x", "product")]
     curves = {line.get_label(): line.get_xydata() for line in panels[1].lines}
     assert set(curves) == {f"y = {y}, name = {name}" for y in (0.5, 1.5) for name in "ab"}
-    np.testing.assert_array_equal(curves["y = 1.5, name = a"], [[1.0, 1.5], [2.0, 3.0], [3.0, 4.5]])
+    assert_array_equal(curves["y = 1.5, name = a"], [[1.0, 1.5], [2.0, 3.0], [3.0, 4.5]])
 
 
 def test_errors_are_bars():
     result = swept(lambda x: {"y": x**2, "error of y": -0.1 * x, "asked error of y": 1.0, "kind": "text"}, x=[1.0, 2.0])
     (axes,) = sweep_figure(result).axes
     bars = axes.collections[0].get_segments()
-    np.testing.assert_allclose(bars, [[[1.0, 0.9], [1.0, 1.1]], [[2.0, 3.8], [2.0, 4.2]]])
+    assert_allclose(bars, [[[1.0, 0.9], [1.0, 1.1]], [[2.0, 3.8], [2.0, 4.2]]])
 
 
 def test_one_parameter_is_one_curve_without_a_legend():
@@ -38,7 +39,7 @@ def test_one_parameter_is_one_curve_without_a_legend():
 
 def test_cases_with_errors_leave_gaps():
     (axes,) = sweep_figure(swept(lambda x: 1 / x, x=[-1.0, 0.0, 1.0])).axes
-    np.testing.assert_array_equal(axes.lines[0].get_ydata(), [-1.0, np.nan, 1.0])
+    assert_array_equal(axes.lines[0].get_ydata(), [-1.0, np.nan, 1.0])
 
 
 def test_a_legend_names_ten_curves_at_most():

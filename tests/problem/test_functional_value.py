@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.meshes import square
 from skfem import Basis, ElementTetP1, ElementTetP2, MeshTet, MeshTri
 
 from kohonen_adapt import Ritz
@@ -109,7 +110,7 @@ def test_a_uniform_field_around_an_axis(order):
 
 
 def test_a_layer_is_integrated_in_parts_of_elements():
-    mesh = MeshTri.init_tensor(*[np.linspace(0.0, 1.0, 17)] * 2)
+    mesh = square(16)
     width = 1.0 / 60.0
     source = lambda x, region: np.exp(-(((x[0] - 0.47) / width) ** 2))  # noqa: E731
     ritz = ritz_of(mesh, lambda x: np.ones(x.shape[1]), 1, coefficient=1.0, source=source)

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.layer import Layer
+from helpers.meshes import square
 from scipy.sparse.linalg import cg
 from skfem import (
     Basis,
@@ -129,8 +130,7 @@ def test_periodic_residuals_count_together():
                 solution, mesh.p[1] == 0.0, 1.0, [1.0, 5.0], region=region, signs={("left", "right"): self.sign}
             )
 
-    mesh = MeshTri.init_tensor(np.linspace(0, 1, 9), np.linspace(0, 1, 8)).with_boundaries(SIDES)
-    mesh = mesh.with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] > 0.5})
+    mesh = square(8).with_boundaries(SIDES).with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] > 0.5})
     ka.polish(mesh, Ring(1), periodic=[("left", "right")], sweeps=0)
     with pytest.raises(ValueError, match=r"^the solution is not stationary .* on boundary .*left"):
         ka.polish(mesh, Ring(-1), periodic=[("left", "right")], sweeps=0)

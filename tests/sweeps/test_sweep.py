@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from helpers import swept
 from helpers.processes import output_with, wait_until
+from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import precompile
@@ -31,28 +32,28 @@ def here(function, cases, **options):
 def test_a_grid_has_every_combination_the_last_parameter_first():
     result = here(swept.product, {"x": [1, 2, 3], "y": np.array([0.5, 1.5])})
     assert result.table.dtype.names == ("x", "y", "product", "sum", "seconds")
-    np.testing.assert_array_equal(result.table["x"], [1, 1, 2, 2, 3, 3])
-    np.testing.assert_array_equal(result.table["y"], [0.5, 1.5] * 3)
-    np.testing.assert_array_equal(result.table["product"], result.table["x"] * result.table["y"])
+    assert_array_equal(result.table["x"], [1, 1, 2, 2, 3, 3])
+    assert_array_equal(result.table["y"], [0.5, 1.5] * 3)
+    assert_array_equal(result.table["product"], result.table["x"] * result.table["y"])
     assert result.parameters == ("x", "y") and result.outputs == ("product", "sum")
     assert result.errors == (None,) * 6 and (result.table["seconds"] >= 0.0).all()
 
 
 def test_cases_one_by_one():
     result = here(swept.product, [{"x": 1, "y": 2.0}, {"y": 3, "x": np.int64(4)}])
-    np.testing.assert_array_equal(result.table["x"], [1, 4])
-    np.testing.assert_array_equal(result.table["product"], [2.0, 12.0])
+    assert_array_equal(result.table["x"], [1, 4])
+    assert_array_equal(result.table["product"], [2.0, 12.0])
     assert result.table["x"].dtype.kind == "i" and result.table["y"].dtype.kind == "f"
 
 
 def test_a_number_without_a_name_is_the_value():
-    np.testing.assert_array_equal(here(swept.square, {"x": [2, 3]}).table["value"], [4.0, 9.0])
+    assert_array_equal(here(swept.square, {"x": [2, 3]}).table["value"], [4.0, 9.0])
 
 
 def test_values_may_be_texts_and_truth_values():
     result = here(lambda name, deep, mixed: len(name) + deep, {"name": ["a", "bcd"], "deep": [True], "mixed": [1, "b"]})
     assert [result.table[name].dtype.kind for name in result.parameters] == ["U", "b", "O"]
-    np.testing.assert_array_equal(result.table["value"], [2.0, 2.0, 4.0, 4.0])
+    assert_array_equal(result.table["value"], [2.0, 2.0, 4.0, 4.0])
 
 
 @pytest.mark.parametrize(
@@ -104,7 +105,7 @@ def test_progress_counts_all_cases():
 
 def test_a_failing_case_ends_no_sweep():
     result = here(swept.fails_at_two, {"x": [1, 2, 3]})
-    np.testing.assert_array_equal(result.table["value"], [1.0, np.nan, 3.0])
+    assert_array_equal(result.table["value"], [1.0, np.nan, 3.0])
     one, two, three = result.errors
     assert one is None and three is None
     assert isinstance(two, KeyError) and two.args == ("two",)
@@ -128,7 +129,7 @@ def test_texts_are_outputs_with_a_name(tmp_path):
     for _ in range(2):  # from the function and from the folder
         result = here(kind, {"x": [1, 0, 2]}, folder=tmp_path)
         assert result.table["kind"].tolist() == ["odd", "", "even"]
-        np.testing.assert_array_equal(result.table["half"], [0.5, np.nan, 1.0])
+        assert_array_equal(result.table["half"], [0.5, np.nan, 1.0])
     assert str(result).splitlines()[2].split()[:4] == ["1", "0", "-", "-"]
 
 
@@ -182,9 +183,9 @@ def test_local_processes_compute_the_same_and_find_everything_compiled():
     before, cases = dict(os.environ), {"x": [1, 2], "y": [0.5, 1.5]}
     local, threaded = ka.sweep(swept.relocated, cases), here(swept.relocated, cases)
     for name in ("x", "y", "moved"):
-        np.testing.assert_array_equal(local.table[name], threaded.table[name])
+        assert_array_equal(local.table[name], threaded.table[name])
     assert len(set(local.table["moved"])) == 4
-    np.testing.assert_array_equal(local.table["compiled"], 0)
+    assert_array_equal(local.table["compiled"], 0)
     assert os.environ == before
 
 
@@ -214,7 +215,7 @@ def test_local_processes_share_the_threads():
 
 def test_a_process_that_dies_takes_its_own_case_with_it():
     result = ka.sweep(swept.dies_at_two, {"x": [1, 2, 3, 4]})
-    np.testing.assert_array_equal(result.table["value"], [1.0, np.nan, 3.0, 4.0])
+    assert_array_equal(result.table["value"], [1.0, np.nan, 3.0, 4.0])
     assert str(result.errors[1]) == "the process that computed it ended with exit code -9."
     assert [error for error in result.errors if error] == [result.errors[1]]
 
@@ -291,14 +292,14 @@ def test_processes_of_somebody_elses():
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as executor:
         result = ka.sweep(swept.square, {"x": [1, 2, 3]}, executor=executor)
         assert executor.submit(abs, -1).result() == 1  # it stays open
-        np.testing.assert_array_equal(result.table["value"], [1.0, 4.0, 9.0])
+        assert_array_equal(result.table["value"], [1.0, 4.0, 9.0])
         lost = ka.sweep(swept.dies_at_two, {"x": [2, 3]}, executor=executor)
     assert "BrokenProcessPool" in {type(error).__name__ for error in lost.errors}
 
 
 def test_a_function_with_arguments_bound():
     result = here(functools.partial(swept.product, y=3), {"x": [1, 2]})
-    np.testing.assert_array_equal(result.table["product"], [3.0, 6.0])
+    assert_array_equal(result.table["product"], [3.0, 6.0])
 
 
 @pytest.mark.slow
@@ -313,11 +314,11 @@ def test_dask_goes_on_when_one_of_two_workers_is_killed(tmp_path):
         result = ka.sweep(function, {"x": range(20)}, executor=client.get_executor(), folder=tmp_path / "cases")
         assert (tmp_path / "died").exists()
         assert result.errors == (None,) * 20
-        np.testing.assert_array_equal(result.table["square"], np.arange(20.0) ** 2)
+        assert_array_equal(result.table["square"], np.arange(20.0) ** 2)
         assert len(before) == 2 and before & set(result.table["process"])
         wait_until(lambda: {worker.pid for worker in cluster.workers.values()} - before - {None})  # one in its place
         again = ka.sweep(function, {"x": range(20)}, folder=tmp_path / "cases")  # here, and nothing is left to do
-        np.testing.assert_array_equal(again.table, result.table)
+        assert_array_equal(again.table, result.table)
         with pytest.raises(ValueError, match="can be pickled"):
             ka.sweep(Locked(), {"x": [1]}, executor=client.get_executor())
         with pytest.raises(ValueError, match=r"client.get_executor\(\)"):
