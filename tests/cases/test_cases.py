@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.cases import whole
 from helpers.examples import examples
 from helpers.meshes import disk
 from helpers.places import EXAMPLES
@@ -176,18 +177,13 @@ class RecordingField:
 
 
 def test_a_curve_that_is_not_that_of_the_mesh_is_refused_before_the_run(tmp_path):
-    mesh = whole_disk(0.25)
+    mesh = whole(disk(4, 0.25))
     write_mesh(tmp_path / "m.msh", mesh)
     text = 'mesh = "m.msh"\n[materials.all]\n[potential]\nrim = 0.0\n[adapt.curves]\nrim = {curve = "arc", '
     right, wrong_one = (case(text + f"centre = [0, 0], radius = {radius}}}", tmp_path) for radius in (0.25, 0.4))
     assert fitting_mesh(right).p.shape == mesh.p.shape
     with pytest.raises(ValueError, match=r"adapt: .*curve"):
         fitting_mesh(wrong_one)
-
-
-def whole_disk(radius):
-    mesh = disk(4, radius)
-    return mesh.with_subdomains({"all": np.arange(mesh.nelements)}).with_boundaries({"rim": mesh.boundary_facets()})
 
 
 @pytest.mark.parametrize(

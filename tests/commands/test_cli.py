@@ -3,35 +3,18 @@
 import os
 import re
 import shutil
-import subprocess
-import sys
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from helpers.cases import run_command
 from helpers.places import ROOT, names_in
+from helpers.processes import python
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
 from kohonen_adapt.commands.arguments import command_parser
-
-
-def run(*arguments, **environment):
-    """The command in a process of its own."""
-    return python("-m", "kohonen_adapt", *arguments, **environment)
-
-
-def python(*arguments, **environment):
-    return subprocess.run(
-        [sys.executable, *map(str, arguments)],
-        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
 
 
 def one_line(text):
@@ -59,8 +42,7 @@ def test_demo_without_matplotlib_names_the_remedy(tmp_path, capsys, monkeypatch)
 @pytest.mark.slow
 def test_an_error_in_the_drawing_is_not_taken_for_a_missing_matplotlib(tmp_path):
     code = "import sys; sys.modules['PIL'] = None; from kohonen_adapt.__main__ import main; main()"  # matplotlib's
-    done = python("-c", code, "demo", "magnet", "--out", tmp_path)
-    assert done.returncode == 1
+    done = python("-c", code, "demo", "magnet", "--out", tmp_path, status=1)
     assert "PIL" in done.stderr and "pip install" not in done.stdout
     assert names_in(tmp_path) == ["magnet.msh", "magnet.vtu"]
 
@@ -154,16 +136,15 @@ def test_out_is_read_only(tmp_path, capsys):
 @pytest.mark.slow
 def test_no_traceback_for_a_folder_that_cannot_be(tmp_path):
     (tmp_path / "file").touch()
-    done = run("demo", "magnet", "--out", tmp_path / "file" / "below")
-    assert done.returncode == 2
+    done = python("-m", "kohonen_adapt", "demo", "magnet", "--out", tmp_path / "file" / "below", status=2)
     assert done.stdout == "" and one_line(done.stderr)
 
 
 @pytest.mark.slow
 def test_a_missing_example(out, tmp_path):
     shutil.copytree(ROOT / "kohonen_adapt", tmp_path / "kohonen_adapt", ignore=shutil.ignore_patterns("__pycache__"))
-    done = run("demo", "magnet", "--out", out, PYTHONPATH=str(tmp_path), PYTHONSAFEPATH="1")
-    assert done.returncode == 2
+    command = "-m", "kohonen_adapt", "demo", "magnet", "--out", out
+    done = python(*command, status=2, PYTHONPATH=str(tmp_path), PYTHONSAFEPATH="1")
     expected = f"is missing in {tmp_path / 'kohonen_adapt' / 'data'}. Install kohonen-adapt again."
     assert done.stderr == f"kohonen-adapt: the example 'magnet.toml' {expected}\n"
 

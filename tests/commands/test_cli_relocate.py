@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 import skfem
-from helpers.cases import run_command
+from helpers.cases import run_command, whole
 from helpers.mesh_files import of_meshio
 from helpers.meshes import l_shape, square
 from numpy.testing import assert_allclose, assert_array_equal
@@ -17,9 +17,7 @@ from kohonen_adapt import __main__ as cli
 
 @pytest.fixture
 def source(tmp_path):
-    mesh = l_shape(8)
-    mesh = mesh.with_subdomains({"all": np.arange(mesh.nelements)}).with_boundaries({"rim": mesh.boundary_facets()})
-    ka.write_mesh(tmp_path / "before.msh", mesh)
+    ka.write_mesh(tmp_path / "before.msh", whole(l_shape(8)))
     return tmp_path / "before.msh"
 
 

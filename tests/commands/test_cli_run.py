@@ -8,7 +8,7 @@ import re
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import dry_run, report_in, run_command, table_of
+from helpers.cases import report_in, run_command, table_of
 from helpers.places import EXAMPLES, names_in
 from helpers.tensor_meshes import disk
 from helpers.worlds import without_matplotlib
@@ -127,13 +127,10 @@ def test_a_dry_run_solves_and_writes_nothing(case, out, tmp_path, capsys, monkey
     assert names_in(tmp_path) == ["case.toml"]
 
 
-def test_what_is_not_toml(case, capsys):
-    assert dry_run(case, CASE.replace("1000.0", "1000,0")) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"kohonen-adapt: {case}: is not TOML: ") and error.count("\n") == 1
-    assert error.endswith(
-        "Text needs quotes (single quotes if it has a backslash); numbers need a decimal point, not a comma.\n"
-    )
+def test_what_is_not_toml(refused):
+    refused(CASE.replace("1000.0", "1000,0"), "case.toml: is not TOML: ")
+    remedy = "Text needs quotes (single quotes if it has a backslash); numbers need a decimal point, not a comma."
+    refused(CASE.replace("1000.0", "1000,0"), remedy)
 
 
 def test_a_mesh_is_no_case(capsys):

@@ -9,18 +9,23 @@ from pathlib import Path
 TESTS = Path(__file__).parents[1]
 
 
-def output_with(script, **variables):
-    """What a script prints that finds package, benchmarks and helpers, with these variables of the environment."""
+def python(*arguments, cwd=None, status=0, **variables):
+    """Return a process of Python that has ended, with package and helpers on its path, and these variables."""
     paths = os.pathsep.join([str(TESTS), str(TESTS.parent), os.environ.get("PYTHONPATH", "")])
-    run = subprocess.run(
-        [sys.executable, "-c", script],
+    done = subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=cwd,
         env={**os.environ, "PYTHONPATH": paths, **variables},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert run.returncode == 0, run.stderr
-    return run.stdout
+    assert done.returncode == status, done.stdout + done.stderr
+    return done
+
+
+def output_with(script, **variables):
+    return python("-c", script, **variables).stdout
 
 
 def wait_until(happens, seconds=60):

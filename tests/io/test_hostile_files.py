@@ -4,8 +4,6 @@ No crash, no hang, no memory beyond a multiple of the file by chance, and no ent
 """
 
 import os
-import subprocess
-import sys
 import tracemalloc
 import warnings
 from contextlib import suppress
@@ -19,6 +17,7 @@ from helpers.examples import examples
 from helpers.hostile_files import raw_vtu, spoilt
 from helpers.mesh_files import assert_same, of_meshio, two_rooms
 from helpers.places import names_in
+from helpers.processes import python
 from helpers.small_files import ABAQUS, BY_HAND, GMSH, GRID, SQUARE, SU2, disc, written
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
@@ -233,7 +232,7 @@ def test_files_that_do_not_fit_into_memory(tmp_path):
     for path in paths:
         path.write_bytes(b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n")
         os.truncate(path, 2**36)  # takes no space: nothing but holes
-    done = subprocess.run([sys.executable, "-c", LIMITED, *paths], capture_output=True, text=True, check=True)
+    done = python("-c", LIMITED, *paths)
     assert done.stdout == "".join(f"'{path}' does not fit into memory.\n" for path in paths)
 
 

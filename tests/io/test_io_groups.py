@@ -49,23 +49,24 @@ def drawing(request, tmp_path):
     return drawn_by_gmsh(tmp_path / "drawing.msh", DRAWING, request.param)
 
 
+NAMES = {
+    (0, 3): "corner",
+    (0, 41): "point_41",
+    (1, 9): "boundary_9",
+    (1, 12): "outer",
+    (1, 1000): "boundary_1000",
+    (2, 3): "air",
+    (2, 77): "all",
+    (2, 1000): "region_1000",
+}
+
+
 def test_what_a_file_says_of_its_groups(drawing):
-    groups = ka.read_groups(drawing, scale=1e-3)
-    assert groups.names == {
-        (0, 3): "corner",
-        (0, 41): "point_41",
-        (1, 9): "boundary_9",
-        (1, 12): "outer",
-        (1, 1000): "boundary_1000",
-        (2, 3): "air",
-        (2, 77): "all",
-        (2, 1000): "region_1000",
-    }
+    groups, mesh = ka.read_groups(drawing, scale=1e-3), ka.read_mesh(drawing, scale=1e-3)
+    assert groups.names == NAMES
     assert_array_equal(groups.points[41], [[0.4e-3], [0.6e-3]])
     assert_array_equal(groups.points[3], [[0.0], [0.0]])
-    mesh = ka.read_mesh(drawing, scale=1e-3)
-    assert {name for (dimension, _), name in groups.names.items() if dimension == 2} == set(mesh.subdomains)
-    assert {name for (dimension, _), name in groups.names.items() if dimension == 1} == set(mesh.boundaries)
+    assert {*mesh.subdomains, *mesh.boundaries} == {name for (dimension, _), name in NAMES.items() if dimension}
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".msh2"])

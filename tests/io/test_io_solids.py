@@ -29,15 +29,13 @@ from kohonen_adapt.mesh.measures import area, signed_area
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_reversed_elements_are_turned_on_both_ways(tmp_path, suffix):
-    mesh = two_boxes()
-    reverse = MeshTet(mesh.p, mesh.t[[0, 1, 3, 2]], mesh.boundaries, mesh.subdomains)
-    assert np.all(signed_area(reverse) < 0)
-    write_mesh(tmp_path / f"mesh{suffix}", reverse)
-    file = meshio.read(tmp_path / f"mesh{suffix}", "vtu" if suffix == ".vtu" else "gmsh")
+    mesh, path = two_boxes(), tmp_path / f"mesh{suffix}"
+    write_mesh(path, MeshTet(mesh.p, mesh.t[[0, 1, 3, 2]], mesh.boundaries, mesh.subdomains))
+    file = meshio.read(path, "vtu" if suffix == ".vtu" else "gmsh")
     tetrahedra = file.cells_dict["tetra"]
     assert np.all(signed_area(MeshTet(file.points.T, tetrahedra.T)) > 0)
     assert len(np.unique(np.sort(tetrahedra, axis=1), axis=0)) == mesh.nelements  # MSH 2.2 lists some twice
-    back = read_mesh(tmp_path / f"mesh{suffix}")
+    back = read_mesh(path)
     assert_array_equal(np.sort(back.t, axis=0), np.sort(mesh.t, axis=0))
     assert in_front(back, "wall") == in_front(mesh, "wall")
     meshio.Mesh(file.points, {"tetra": tetrahedra[:, [1, 0, 2, 3]]}).write(tmp_path / "reverse.vtu")

@@ -4,12 +4,11 @@ import importlib
 import json
 import os
 import pkgutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from helpers.copied_kernels import fast_compiler_only
+from helpers.processes import python
 from numba.core.dispatcher import Dispatcher
 
 import kohonen_adapt.kernels as package
@@ -117,13 +116,7 @@ print(json.dumps([compiled]))
 
 
 def in_a_process(script, **environment):
-    done = subprocess.run(
-        [sys.executable, "-c", HEARD + script],
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python("-c", HEARD + script, **environment)
     return *json.loads(done.stdout), done.stderr
 
 

@@ -2,12 +2,11 @@
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from helpers.copied_kernels import fast_compiler_only, make_package
+from helpers.processes import python
 
 LOOPS = """
 from .numba.compilation import inner_kernel, kernel
@@ -42,14 +41,8 @@ def kernels(tmp_path):
 
 def run(kernels, before="", code=RUN, **environment):
     """What a process prints and says that calls the loop."""
-    return subprocess.run(
-        [sys.executable, "-c", code.format(before=before)],
-        cwd=kernels.parent,
-        env={**os.environ, "NUMBA_CACHE_DIR": str(kernels.parent / "cache"), **environment},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    environment = {"NUMBA_CACHE_DIR": str(kernels.parent / "cache"), **environment}
+    return python("-c", code.format(before=before), cwd=kernels.parent, **environment)
 
 
 def without_a_folder(kernels):
@@ -179,8 +172,7 @@ print(result.status, result.message)
 @pytest.mark.skipif(not hasattr(signal, "raise_signal") or os.name == "nt", reason="signals of POSIX")
 def test_a_ctrl_c_inside_a_compilation_stops_the_loop(tmp_path):
     code = INTERRUPTED.format(examples=str(Path(__file__).parents[2] / "examples"))
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = python("-c", code, NUMBA_CACHE_DIR=str(tmp_path), NUMBA_NUM_THREADS="1")
     assert done.stdout.startswith("stopped Stopped by Ctrl-C after 0 passes. Best: the input, ")
     assert "Traceback" not in done.stderr
 
@@ -204,7 +196,5 @@ print(scaled(1.0), len(heard), signal.getsignal(signal.SIGINT).__name__)
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_a_handler_of_somebody_else_hears_of_a_ctrl_c_inside_a_compilation(kernels):
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(kernels.parent / "cache")}
-    command = [sys.executable, "-c", TWICE]
-    done = subprocess.run(command, cwd=kernels.parent, env=environment, capture_output=True, text=True, check=True)
+    done = run(kernels, code=TWICE)
     assert done.stdout.strip() == "3.0 1 <lambda>"

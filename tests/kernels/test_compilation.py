@@ -2,12 +2,11 @@
 
 import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from helpers.copied_kernels import fast_compiler_only, make_package
+from helpers.processes import python
 
 import kohonen_adapt as ka
 
@@ -49,10 +48,7 @@ def kernels(tmp_path):
 def run(kernels, arguments="(1.0,)", cache=None):
     """What the caller gives in a process of its own, and how often it was found in the cache and not found."""
     code = RUN.format(package=kernels.name, arguments=arguments)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache or kernels.parent / "cache")}
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=kernels.parent, env=environment, capture_output=True, text=True, check=True
-    )
+    done = python("-c", code, cwd=kernels.parent, NUMBA_CACHE_DIR=str(cache or kernels.parent / "cache"))
     *values, hits, misses = done.stdout.split()
     return [float(value) for value in values], int(hits), int(misses)
 
@@ -147,7 +143,7 @@ print(len(before), sorted(compiled() - before))
 @pytest.mark.slow
 def test_after_the_warm_up_a_first_run_compiles_nothing():
     examples = Path(__file__).parents[2] / "examples"
-    done = subprocess.run([sys.executable, "-c", FIRST_RUN], cwd=examples, capture_output=True, text=True, check=True)
+    done = python("-c", FIRST_RUN, cwd=examples)
     count, missing = done.stdout.split(maxsplit=1)
     assert int(count) > 40
     assert missing.strip() == "[]"
@@ -179,9 +175,7 @@ def test_the_warm_up_says_nothing_of_its_own_meshes(caplog):
 @pytest.mark.slow
 def test_what_moves_no_node_compiles_nothing(tmp_path):
     meshes = [Path(__file__).parents[2] / "examples" / name for name in ("c_core.msh", "motor.msh")]
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    command = [sys.executable, "-c", QUIET, *map(str, meshes)]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    done = python("-c", QUIET, *meshes, cwd=tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "cache"))
     assert "usage" in done.stdout and done.stdout.splitlines()[-1] == "0"
     assert all(f"{mesh.name}': " in done.stderr for mesh in meshes) and len(list(tmp_path.glob("*.toml"))) == 2
 
@@ -191,5 +185,4 @@ def test_a_kernel_can_be_interpreted(kernels):
         "from copied.caller import scaled; from copied.numba.compilation import interpreted; "
         "print(interpreted(scaled)(1.5), len(scaled.overloads))"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=kernels.parent, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["3.0", "0"]
+    assert python("-c", code, cwd=kernels.parent).stdout.split() == ["3.0", "0"]

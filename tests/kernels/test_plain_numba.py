@@ -1,11 +1,8 @@
 """Kernels are compiled by plain numba on request, and where numba's inner modules are not as expected."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 from helpers.copied_kernels import make_package
+from helpers.processes import python
 
 LOOPS = """
 from typing import NamedTuple
@@ -43,11 +40,8 @@ def folder(tmp_path):
 
 
 def run(folder, before="", **environment):
-    code = RUN.format(before=before)
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
-    done = subprocess.run([sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done
+    environment = {"NUMBA_CACHE_DIR": str(folder / "cache"), **environment}
+    return python("-c", RUN.format(before=before), cwd=folder, **environment)
 
 
 @pytest.mark.slow

@@ -1,12 +1,10 @@
 """A file imports from its own chapter and from those below it."""
 
 import inspect
-import os
 import re
-import subprocess
-import sys
 
 from helpers.places import PACKAGE
+from helpers.processes import python
 from helpers.prose import imports_of
 
 import kohonen_adapt
@@ -101,13 +99,6 @@ def test_no_module_hides_a_public_function():
     assert not hidden, f"importlib and pydoc find the modules of these names and not the functions: {sorted(hidden)}"
 
 
-def in_a_fresh_process(code, tmp_path):
-    environment = {**os.environ, "PYTHONPATH": str(PACKAGE.parent), "NUMBA_CACHE_DIR": str(tmp_path)}
-    return subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True, timeout=120
-    ).stdout.split()
-
-
 def test_import_compiles_nothing_and_brings_no_optional_package(tmp_path):
     code = """
 import sys
@@ -116,7 +107,7 @@ with event.install_recorder("numba:compile") as recorder:
     import kohonen_adapt
 print(len(recorder.buffer), *({"matplotlib", "gmsh", "pyamg", "distributed", "h5py"} & set(sys.modules)))
 """
-    assert in_a_fresh_process(code, tmp_path) == ["0"]
+    assert python("-c", code, NUMBA_CACHE_DIR=str(tmp_path)).stdout == "0\n"
     assert not list(tmp_path.rglob("*.nb[ic]"))
 
 

@@ -1,9 +1,6 @@
 """What is built for a package index is whole: the package, the examples it brings along, its description."""
 
-import os
 import re
-import subprocess
-import sys
 import tarfile
 import tomllib
 import zipfile
@@ -12,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from helpers.places import PACKAGE, ROOT
+from helpers.processes import python
 
 import kohonen_adapt as ka
 
@@ -26,8 +24,7 @@ def built(tmp_path_factory):
     pytest.importorskip("hatchling")
     pytest.importorskip("hatch_fancy_pypi_readme")
     folder = tmp_path_factory.mktemp("built")
-    command = [sys.executable, "-m", "hatchling", "build", "--directory", str(folder)]
-    subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True, timeout=120)
+    python("-m", "hatchling", "build", "--directory", folder, cwd=ROOT)
     (wheel,), (source,) = folder.glob("*.whl"), folder.glob("*.tar.gz")
     return wheel, source
 
@@ -79,11 +76,8 @@ def test_the_case_of_a_wheel_finds_its_mesh(built, tmp_path):
     with zipfile.ZipFile(built[0]) as archive:
         archive.extractall(tmp_path)
     case = tmp_path / "kohonen_adapt" / "data" / "magnet.toml"
-    command = [sys.executable, "-m", "kohonen_adapt", "run", str(case), "--dry-run"]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(
-        command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True, timeout=120
-    )
+    command = "-m", "kohonen_adapt", "run", case, "--dry-run"
+    done = python(*command, cwd=tmp_path, PYTHONPATH=str(tmp_path))
     assert "no faults found; 'c_core.msh' has 899 nodes" in done.stdout.replace(f"{case.parent}/", "")
 
 

@@ -1,11 +1,10 @@
 """The package calls nothing that only POSIX systems have, except where it asks first."""
 
 import ast
-import subprocess
-import sys
 
 import pytest
 from helpers.places import PACKAGE
+from helpers.processes import python
 
 MODULES = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "select", "syslog", "termios", "tty"}
 NAMES = {
@@ -76,6 +75,5 @@ def test_the_search_finds_such_calls(text):
 
 
 def test_files_are_written_without_locks_and_forks(tmp_path):
-    command = [sys.executable, "-c", ELSEWHERE]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    done = python("-c", ELSEWHERE, cwd=tmp_path)
     assert done.stderr == "" and done.stdout == "32 ['square.msh']\n"

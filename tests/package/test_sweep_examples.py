@@ -1,13 +1,11 @@
 """The sweeps of the examples, and what their curves must be."""
 
 import csv
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from helpers.places import EXAMPLES
+from helpers.processes import python
 from numpy.testing import assert_allclose
 from scipy.interpolate import CubicSpline
 
@@ -18,9 +16,7 @@ EVERY = {"motor": 3, "actuator": 5}  # of the 30 cases
 
 def table(name, folder):
     """The table as columns of floats by name."""
-    command = [sys.executable, EXAMPLES / f"{name}_sweep.py", "--out", folder, "--every", EVERY[name]]
-    environment = {**os.environ, "PYTHONPATH": str(EXAMPLES.parent)}
-    subprocess.run(list(map(str, command)), env=environment, check=True, timeout=1800)
+    python(EXAMPLES / f"{name}_sweep.py", "--out", folder, "--every", EVERY[name])
     with (folder / f"{name}_sweep.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 30 // EVERY[name] and not any(row.pop("error") for row in rows)

@@ -1,12 +1,10 @@
 """A type checker finds nothing in a user's program where it is right, and the place where it is not."""
 
-import os
 import re
-import subprocess
-import sys
 
 import pytest
 from helpers.places import ROOT
+from helpers.processes import python
 
 PROGRAM = """
 import numpy as np
@@ -95,16 +93,8 @@ def said(tmp_path_factory):
     folder = tmp_path_factory.mktemp("typed")
     (folder / "program.py").write_text("\n".join([PROGRAM, *WRONG]), encoding="utf-8")
     strict = ["--strict", "--follow-imports=silent", "--config-file=", "--no-error-summary", "--no-incremental"]
-    done = subprocess.run(
-        [sys.executable, "-m", "mypy", *strict, "program.py"],
-        cwd=folder,
-        env={**os.environ, "MYPYPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert done.returncode == 1 and not done.stderr, done.stdout + done.stderr
+    done = python("-m", "mypy", *strict, "program.py", cwd=folder, status=1, MYPYPATH=str(ROOT))
+    assert not done.stderr, done.stdout + done.stderr
     complaints = re.findall(r"^program\.py:(\d+): error: (.*)$", done.stdout, re.MULTILINE)
     return [(int(line), text) for line, text in complaints]
 

@@ -3,8 +3,6 @@
 import csv
 import functools
 import os
-import subprocess
-import sys
 import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
@@ -12,7 +10,7 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 from helpers import swept
-from helpers.processes import output_with, wait_until
+from helpers.processes import output_with, python, wait_until
 from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
@@ -260,11 +258,7 @@ def test_a_function_that_cannot_be_pickled_is_refused_with_the_remedy(function):
 def script_fails(code, tmp_path, *command):
     """The last line that a script writes, which ends with an error."""
     (tmp_path / "script.py").write_text(code)
-    command = [sys.executable, *(command or [tmp_path / "script.py"])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 1
-    return done.stderr.splitlines()[-1]
+    return python(*(command or [tmp_path / "script.py"]), status=1).stderr.splitlines()[-1]
 
 
 TYPED = "import kohonen_adapt as ka\ndef f(x): return x\nka.sweep(f, {{'x': range({})}})"
