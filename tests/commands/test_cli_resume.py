@@ -1,6 +1,5 @@
 """A run that is interrupted, killed or out of disk leaves whole files, and goes on to what it would have been."""
 
-import errno
 import os
 import signal
 import subprocess
@@ -14,7 +13,7 @@ import pytest
 from helpers.cases import INSET as CASE
 from helpers.cases import case_in, run_command, table_of
 from helpers.places import ROOT, names_in
-from helpers.worlds import without_matplotlib
+from helpers.worlds import full_disk, without_matplotlib
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
@@ -228,19 +227,17 @@ def contents(folder):
 
 
 @pytest.mark.parametrize("name", ["adapted.msh", "adapted.vtu", "history.csv", "pass-0001.npz"])
-def test_a_full_disk_leaves_old_files_as_they_were(name, case, straight, tmp_path, monkeypatch, capsys):
+def test_a_full_disk_leaves_old_files_as_they_were(name, case, straight, tmp_path, capsys):
     """The disk is full when the file of that name is to be written after the second pass."""
-    out, replace, before = tmp_path / "out", os.replace, {}
+    out, before = tmp_path / "out", {}
 
-    def full(source, target):
-        if Path(target).name == name and (out / "passes" / "pass-0000.npz").exists():
-            raise OSError(errno.ENOSPC, "No space left on device", str(source))
-        replace(source, target)
-        if Path(target).suffix == ".npz":
+    def is_hit(target):
+        is_second = (out / "passes" / "pass-0000.npz").exists()
+        if is_second and not before:
             before.update(contents(out))
+        return is_second and Path(target).name == name
 
-    with monkeypatch.context() as patched:
-        patched.setattr(os, "replace", full)
+    with full_disk(is_hit):
         assert run(case, "--out", out) == (1 if name == "pass-0001.npz" else 2)
     (line,) = capsys.readouterr().err.splitlines()
     assert "No space left on device" in line and name.partition(".")[0].replace("pass-000", "pass ") in line

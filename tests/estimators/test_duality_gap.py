@@ -56,7 +56,7 @@ class Nonlinear:
         self.basis = Basis(mesh, ElementTriP1())
         self.constant = self.basis.with_element(ElementTriP0())
         self.load = assembled(mesh, np.ones(source.size), source, flux)[1]
-        self.potential = np.zeros(mesh.p.shape[1])
+        self.potential = np.zeros(mesh.nvertices)
         for _ in range(100):
             if self.step() < 1e-13:
                 break
@@ -108,7 +108,7 @@ class Nonlinear:
 @given(n=st.integers(3, 6), seed=st.integers(0, 10**6), load=st.sampled_from([0.1, 3.0, 30.0]))
 def test_the_gap_bounds_the_height_above_the_minimum(n, seed, load):
     mesh, rng = generic_square(n, seed), np.random.default_rng(seed)
-    count = mesh.t.shape[1]
+    count = mesh.nelements
     softness = 10 ** rng.uniform(-1, 0, count)
     problem = Nonlinear(mesh, Sinh(softness), load * rng.normal(size=count), rng.normal(size=(2, count)))
     height = 2 * (problem.functional() - problem.refined().functional())
@@ -119,7 +119,7 @@ def test_the_gap_bounds_the_height_above_the_minimum(n, seed, load):
 def test_the_gap_is_near_the_height(load):
     """A saturated core with a magnet, in linear range and far above the knee: the bound is within 1.3 of the truth."""
     mesh = inset(16)
-    core = np.isin(np.arange(mesh.t.shape[1]), mesh.subdomains["core"])
+    core = np.isin(np.arange(mesh.nelements), mesh.subdomains["core"])
     flux = np.where(core, load * np.array([[-0.1], [0.05]]), 0.0)
     problem = Nonlinear(mesh, Sinh(np.where(core, 0.1, 1.0)), np.where(core, 0.0, load), flux)
     height = 2 * (problem.functional() - problem.refined().refined().functional())
@@ -128,7 +128,7 @@ def test_the_gap_is_near_the_height(load):
 
 def linear_problem():
     mesh, rng = generic_square(7, 3), np.random.default_rng(0)
-    nu, count = 10 ** rng.uniform(-2, 0, mesh.t.shape[1]), mesh.t.shape[1]
+    nu, count = 10 ** rng.uniform(-2, 0, mesh.nelements), mesh.nelements
     fields = {"source": rng.normal(size=count), "flux": rng.normal(size=(2, count))}
     matrix, load = assembled(mesh, nu, **fields)
     potential = solved(matrix, load, np.zeros(load.size), mesh.boundary_nodes())

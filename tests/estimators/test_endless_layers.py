@@ -48,7 +48,7 @@ def test_recovery_sees_what_forty_layers_lower(angles, nu, closed, sides, loaded
     nu = np.array(nu)[sector]
     source, flux = (0.3, np.outer([0.4, -0.2], nu > 1.0)) if loaded else (0.0, np.zeros((2, nu.size)))
     finer = ka.refined_at(mesh, [0], layers=40, factor=0.5)
-    parent = np.empty(finer.t.shape[1], dtype=int)
+    parent = np.empty(finer.nelements, dtype=int)
     parent[:] = ka.find_elements(mesh, finer.p[:, finer.t].mean(axis=1))
     found = []
     for each, rows in ((mesh, np.arange(nu.size)), (finer, parent)):

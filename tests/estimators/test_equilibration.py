@@ -68,7 +68,7 @@ def ends_of(mesh, share, rng):
     facets = np.flatnonzero(mesh.f2t[1] < 0)
     some = rng.random(facets.size) < share
     some[0] = True
-    fixed = np.zeros(mesh.p.shape[1], dtype=bool)
+    fixed = np.zeros(mesh.nvertices, dtype=bool)
     fixed[mesh.facets[:, facets[some]]] = True
     return fixed
 
@@ -76,10 +76,10 @@ def ends_of(mesh, share, rng):
 def random_data(mesh, seed, share=0.5, contrast=3.0):
     """Reluctivity, source and magnetisation at random in every element, values given on some facets."""
     rng = np.random.default_rng(seed)
-    count = mesh.t.shape[1]
+    count = mesh.nelements
     reluctivity = 10 ** rng.uniform(-contrast, 0, count)
     source, flux = rng.normal(size=count), rng.normal(size=(2, count))
-    return Data(mesh, rng.normal(size=mesh.p.shape[1]), ends_of(mesh, share, rng), reluctivity, source, flux)
+    return Data(mesh, rng.normal(size=mesh.nvertices), ends_of(mesh, share, rng), reluctivity, source, flux)
 
 
 MESHES = {
@@ -111,7 +111,7 @@ def outward(mesh):
 
 def sums_at_facets(mesh, sigma):
     """Outward flux density times length, summed over the elements of every facet: at its first and its second node."""
-    sums, element = np.zeros((2, mesh.facets.shape[1])), np.arange(mesh.t.shape[1])
+    sums, element = np.zeros((2, mesh.facets.shape[1])), np.arange(mesh.nelements)
     for k, normal in enumerate(outward(mesh).transpose(1, 0, 2)):
         for corner in (k, (k + 1) % 3):
             second = mesh.t[corner] == mesh.facets[1, mesh.t2f[k]]
@@ -157,7 +157,7 @@ def test_the_estimate_is_the_distance_of_the_flux():
 def test_numbering_and_orientation_do_not_matter(seed):
     data, rng = random_data(generic_square(7, seed), seed), np.random.default_rng(seed)
     mesh = data.mesh
-    node, element = rng.permutation(mesh.p.shape[1]), rng.permutation(mesh.t.shape[1])
+    node, element = rng.permutation(mesh.nvertices), rng.permutation(mesh.nelements)
     turn = np.argsort(rng.random((3, element.size)), axis=0)
     turned = np.take_along_axis(np.argsort(node)[mesh.t[:, element]], turn, axis=0)
     other = MeshTri(mesh.p[:, node], turned, sort_t=False)
@@ -179,7 +179,7 @@ def test_numbering_and_orientation_do_not_matter(seed):
 def test_effectivity_with_a_source():
     """Each patch has the divergence of its share of the source, which is linear; its mean alone would give 1.067."""
     mesh = square(24)
-    fixed, one = np.zeros(mesh.p.shape[1], dtype=bool), np.ones(mesh.t.shape[1])
+    fixed, one = np.zeros(mesh.nvertices, dtype=bool), np.ones(mesh.nelements)
     fixed[mesh.boundary_nodes()] = True
     data = Data(mesh, np.zeros(fixed.size), fixed, one, one, np.zeros((2, one.size)))
     assert 1.0 < np.linalg.norm(data.estimate()) / data.error(levels=3) < 1.06
@@ -207,7 +207,7 @@ def test_wrong_arguments_are_named():
     quads = MeshQuad()
     for mesh in (quads, MeshTri2()):
         with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri; got {type(mesh).__name__}"):
-            equilibrated(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.t.shape[1]))
+            equilibrated(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.nelements))
 
 
 def test_a_potential_that_solves_nothing_is_refused():

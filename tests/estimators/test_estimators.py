@@ -119,7 +119,7 @@ def test_recovery_keeps_separate_bodies_of_one_material_apart():
     mesh = grid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
     x, y = mesh.p[:, mesh.t].mean(axis=1)
     reluctivity = np.where(x * y > 0, 0.01, 1.0)
-    potential = np.random.default_rng(0).normal(size=mesh.p.shape[1])
+    potential = np.random.default_rng(0).normal(size=mesh.nvertices)
     quadrant = 2 * (x > 0) + (y > 0)
     wanted = slow_recovery(mesh, potential, reluctivity, np.zeros((2, x.size)), quadrant)
     assert_allclose(estimators.recovery(mesh, potential, reluctivity), wanted, rtol=1e-10)
@@ -157,11 +157,11 @@ def test_joined_faces_jump_as_if_they_were_one():
     """The banks of a cut through a cube, joined, with the sign of antiperiodic boundaries, too."""
     mesh, rng = box(4), np.random.default_rng(0)
     wall = np.flatnonzero(mesh.p[0] == 0.5)
-    twin = np.arange(mesh.p.shape[1])
-    twin[wall] = mesh.p.shape[1] + np.arange(len(wall))
+    twin = np.arange(mesh.nvertices)
+    twin[wall] = mesh.nvertices + np.arange(len(wall))
     right = mesh.p[0, mesh.t].mean(axis=0) > 0.5
     parted = MeshTet(np.hstack([mesh.p, mesh.p[:, wall]]), np.where(right, twin[mesh.t], mesh.t), sort_t=False)
-    potential, nu = rng.normal(size=mesh.p.shape[1]), np.where(right, 1.0, 0.01)
+    potential, nu = rng.normal(size=mesh.nvertices), np.where(right, 1.0, 0.01)
     banks = parted.facets_satisfying(lambda x: np.abs(x[0] - 0.5) < 1e-9, boundaries_only=True)
     on_right = parted.p[0, parted.t[:, parted.f2t[0, banks]]].mean(axis=0) > 0.5
     one, other = banks[on_right], banks[~on_right]
@@ -338,7 +338,7 @@ def test_wrong_arguments_are_named(estimator, dim, change, message):
 def test_other_meshes_are_refused(estimator, dim):
     for mesh in (MeshQuad(), MeshTri2()) if dim == 2 else (MeshHex(), MeshTet2()):
         with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri or MeshTet; got {type(mesh).__name__}"):
-            estimator(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.t.shape[1]))
+            estimator(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.nelements))
     corners = np.hstack([np.zeros((dim, 1)), np.eye(dim)])
     corners[-1] = corners[0]
     flat = type(grid(*[np.arange(2.0)] * dim))(corners, np.arange(dim + 1)[:, None])

@@ -35,10 +35,10 @@ class Pair:
     @classmethod
     def random(cls, mesh, seed, order=1):
         """Data of every element, fluxes linear in it above order 1, and of order 1 values on the rim."""
-        rng, count = np.random.default_rng(seed), mesh.t.shape[1]
+        rng, count = np.random.default_rng(seed), mesh.nelements
         shape = (2, count) if order == 1 else (2, 3, count)
         data = [(rng.normal(size=count), rng.normal(size=shape)) for _ in range(2)]
-        values = rng.normal(size=mesh.p.shape[1]) if order == 1 else None
+        values = rng.normal(size=mesh.nvertices) if order == 1 else None
         return cls(mesh, 10 ** rng.uniform(-2 / order, 0, count), *data, values, order)
 
     def solved(self, of, order):
@@ -171,7 +171,7 @@ def value(mesh, order):
     """-div grad u = 1 with u = 0 on both arcs, and J(u) = int u: J(u_h), its estimated error, and the bound of that."""
     outer = mesh.boundary_facets()
     arcs = outer[np.all(mesh.p[:, mesh.nvertices + outer] > 1e-9, axis=0)]
-    one = np.ones(mesh.t.shape[1])
+    one = np.ones(mesh.nelements)
     matrix, load = assembled(mesh, one, one, np.zeros((2, one.size)), order)
     u = solved(matrix, load, np.zeros(load.size), basis_of(mesh, order).get_dofs(arcs).flatten())
     values, data = (mesh, u, u, one), {"source": one, "dual_source": one}
@@ -189,7 +189,7 @@ def test_on_uniform_meshes_the_error_of_a_smooth_goal_falls_by_its_order_and_is_
     for n in (2, 4, 8):
         mesh = quarter_ring(n)
         first, told, bound = value(mesh, order)
-        elements.append(mesh.t.shape[1])
+        elements.append(mesh.nelements)
         found.append((value(refined(refined(mesh)), order)[0] - first, told, bound))
     error, told, bound = np.array(found).T
     rates = np.diff(np.log(error)) / np.diff(np.log(elements))

@@ -5,6 +5,7 @@ from skfem import Basis, BilinearForm, ElementTriP1, LinearForm, condense, solve
 from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
+from helpers.meshes import on_rim
 
 __all__ = ["Insulation", "Layer"]
 
@@ -49,7 +50,7 @@ class Layer:
         return float(np.sqrt(solution @ laplace.assemble(Basis(mesh, ElementTriP1())) @ solution))
 
     def ritz(self, mesh, solution):
-        fixed = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
+        fixed = on_rim(mesh)
         return ka.Ritz(solution, fixed, 1.0, **{"flux": self.slope} if self.by_flux else {"source": self.source})
 
     def error(self, mesh):

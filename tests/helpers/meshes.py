@@ -284,3 +284,8 @@ SHAPES = {
     "named": named(8),
     "arcs": ring(24, 4),
 }
+
+
+def on_rim(mesh):
+    """A mask of the nodes on the boundary."""
+    return np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())

@@ -1,5 +1,7 @@
 """Reports for tests: a small square with hostile names, no physics."""
 
+import base64
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -86,3 +88,10 @@ def hostile_report(folder, **changed):
     path = folder / "report.html"
     write_report(path, after, before=before, **given)
     return path
+
+
+def unpacked(record):
+    """Return the numbers that a report has packed."""
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(record["data"])), np.uint8)
+    kind = np.dtype("<" + record["type"])
+    return np.ascontiguousarray(planes.reshape(kind.itemsize, -1).T).view(kind).ravel()

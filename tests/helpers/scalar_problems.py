@@ -21,7 +21,7 @@ from skfem.helpers import dot, grad
 from skfem.models.poisson import laplace, unit_load
 
 import kohonen_adapt as ka
-from helpers.meshes import perturbed
+from helpers.meshes import on_rim, perturbed
 
 KAPPA = {"left": 3.0, "bottom": 0.0}
 ELEMENTS = {1: ElementTriP1, 2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
@@ -262,4 +262,4 @@ class Load:
         return ka.estimators.residual(mesh, solution, one, source=one)
 
     def ritz(self, mesh, solution):
-        return ka.Ritz(solution, np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes()), 1.0, source=1.0)
+        return ka.Ritz(solution, on_rim(mesh), 1.0, source=1.0)

@@ -10,6 +10,7 @@ from helpers.examples import examples
 from helpers.mesh_files import SUFFIXES, assert_same, assert_same_directions, two_boxes, two_rooms
 from helpers.meshes import square
 from helpers.places import names_in
+from helpers.worlds import full_disk
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -135,20 +136,14 @@ def test_a_missing_folder(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path, suffix, monkeypatch):
+def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path, suffix):
     path = tmp_path / f"mesh{suffix}"
     write_mesh(path, MeshTri())
     before = path.read_bytes()
-
-    def full(*args):
-        raise OSError(28, "No space left on device", "draft")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(OSError, match="No space left on device") as caught:
+    with full_disk(lambda target: True), pytest.raises(OSError, match="No space left on device") as caught:
         write_mesh(path, two_rooms())
     assert caught.value.filename == str(path)
-    assert names_in(tmp_path) == [path.name]
-    assert path.read_bytes() == before
+    assert names_in(tmp_path) == [path.name] and path.read_bytes() == before
 
 
 def test_paths_may_be_strings(tmp_path):

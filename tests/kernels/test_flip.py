@@ -24,7 +24,7 @@ NO_TRAINING = ka.Schedule(())
 
 
 def flipped(mesh, min_quality=0.0):
-    return ka.relocate(mesh, np.ones(mesh.t.shape[1]), schedule=NO_TRAINING, min_quality=min_quality)
+    return ka.relocate(mesh, np.ones(mesh.nelements), schedule=NO_TRAINING, min_quality=min_quality)
 
 
 def triangles(t):

@@ -79,8 +79,8 @@ def slit(n=4):
     """A cube cut open half-way through along z = 1/2: nodes are there twice."""
     mesh = box(n)
     doubled = np.flatnonzero((np.abs(mesh.p[2] - 0.5) < 1e-9) & (mesh.p[0] < 0.5 - 1e-9))
-    twin = np.arange(mesh.p.shape[1])
-    twin[doubled] = mesh.p.shape[1] + np.arange(len(doubled))
+    twin = np.arange(mesh.nvertices)
+    twin[doubled] = mesh.nvertices + np.arange(len(doubled))
     above = mesh.p[2][mesh.t].mean(axis=0) > 0.5
     return MeshTet(np.hstack([mesh.p, mesh.p[:, doubled]]), np.where(above, twin[mesh.t], mesh.t))
 

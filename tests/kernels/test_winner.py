@@ -33,7 +33,7 @@ def amid_an_epoch(mesh, seed):
     """A map whose nodes went far since its elements were made, as in the middle of an epoch."""
     movable = untrained(mesh, min_quality=0.05)
     rng = np.random.default_rng(seed)
-    element = rng.choice(mesh.t.shape[1], 150, p=(weights := rng.random(mesh.t.shape[1]) ** 6) / weights.sum())
+    element = rng.choice(mesh.nelements, 150, p=(weights := rng.random(mesh.nelements) ** 6) / weights.sum())
     learn(movable, points_in(mesh.p, mesh.t, element, rng), element, Schedule((Stage(2, 2, 0.8),)), rng)
     return movable
 

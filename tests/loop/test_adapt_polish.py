@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.meshes import l_shape
+from helpers.meshes import l_shape, on_rim
 from helpers.scalar_problems import Load, magnet, magnet_mesh
 from skfem import Basis, ElementTriP1, MeshTri, condense, solve
 from skfem.models.poisson import laplace, unit_load
@@ -27,22 +27,18 @@ class Saddle(Load):
         return solve(*condense(laplace.assemble(Basis(mesh, ElementTriP1())), x=cubic(mesh.p), D=mesh.boundary_nodes()))
 
     def ritz(self, mesh, solution):
-        return ka.Ritz(solution, outer(mesh), 1.0)
+        return ka.Ritz(solution, on_rim(mesh), 1.0)
 
 
 class Striped(Load):
     """A functional whose coefficient changes inside the one region."""
 
     def ritz(self, mesh, solution):
-        return ka.Ritz(solution, outer(mesh), (1.0, 2.0), region=np.arange(mesh.nelements) % 2)
+        return ka.Ritz(solution, on_rim(mesh), (1.0, 2.0), region=np.arange(mesh.nelements) % 2)
 
 
 def cubic(x):
     return x[0] ** 3 - 3 * x[0] * x[1] ** 2
-
-
-def outer(mesh):
-    return np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
 
 
 @cache

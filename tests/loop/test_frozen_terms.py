@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers.meshes import on_rim
 from helpers.scalar_problems import Gaussians
 from scipy.sparse.linalg import eigsh
 from skfem import Basis, BilinearForm, ElementTriP1, MeshTri
@@ -50,7 +51,7 @@ class Membrane:
         return ka.estimators.recovery(mesh, solution, np.ones(mesh.nelements), source=source)
 
     def ritz(self, mesh, solution):
-        value, fixed = pair(mesh)[0], np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
+        value, fixed = pair(mesh)[0], on_rim(mesh)
 
         def source(x, region):
             return value * np.asarray(ka.interpolate(mesh, solution, x))
@@ -80,7 +81,7 @@ def test_a_source_that_is_a_new_function_in_every_pass_is_the_same_functional():
             return Gaussians(np.zeros((1, 2)), [0.5]).solve(mesh)
 
         def ritz(self, mesh, solution):
-            fixed = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
+            fixed = on_rim(mesh)
             return ka.Ritz(solution, fixed, 1.0, lambda x, region: np.exp(-4.0 * np.sum(x**2, axis=0)))
 
     result = ka.adapt(MeshTri.init_lshaped().refined(3), Load(), passes=2)

@@ -1,11 +1,9 @@
 """Coils in cuts, from outside and in the view of a report."""
 
-import base64
-import zlib
-
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
+from helpers.reports import unpacked
 from matplotlib.collections import LineCollection, PolyCollection
 from numpy.testing import assert_allclose
 
@@ -63,14 +61,7 @@ def test_the_view_of_a_report_has_the_section():
     with_coil, without = (
         view_data({"before": result}, plane=plane, coils=coils, **common)["meshes"][0] for coils in ([COIL], [])
     )
-
-    def unpacked(text, dtype):
-        raw = np.frombuffer(zlib.decompress(base64.b64decode(text["data"])), dtype=np.uint8)
-        return raw.reshape(4, -1).T.copy().view(dtype).ravel()
-
-    lines = unpacked(with_coil["outline"], np.uint32).reshape(-1, 2)[
-        len(unpacked(without["outline"], np.uint32)) // 2 :
-    ]
-    x, y = (unpacked(with_coil[name], np.float32) for name in "xy")
+    lines = unpacked(with_coil["outline"])[len(unpacked(without["outline"])) :].reshape(-1, 2)
+    x, y = (unpacked(with_coil[name]) for name in "xy")
     assert np.hypot(np.diff(x[lines]), np.diff(y[lines])).sum() == pytest.approx(2.8, rel=1e-5)
     assert lines.max() == len(x) - 1

@@ -128,7 +128,7 @@ def test_a_layer_is_integrated_in_parts_of_elements():
 def test_residuals_are_the_derivatives_of_the_value(kind, order, axis, curved, law, source):
     mesh = shaken(kind, 4)
     mesh, random = bent(mesh) if curved else mesh, np.random.default_rng(2)
-    region = random.integers(0, 2, mesh.t.shape[1])
+    region = random.integers(0, 2, mesh.nelements)
     given = np.array([1.0, 2.0]) if source == "constant" else lambda x, region: np.cos(x[0]) * (1.0 + region)
     shift = 0.0 if kind is MeshTri else random.normal(size=(3, 2))
     terms = {"coefficient": [2.0, 3.0], "source": given, "flux": random.normal(size=(mesh.dim(), 2)), "shift": shift}

@@ -18,7 +18,7 @@ class Even:
         return mesh.p[0]
 
     def indicators(self, mesh, solution):
-        return np.ones(mesh.t.shape[1])
+        return np.ones(mesh.nelements)
 
 
 class Elastic(Even):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import SHAPES, inset, junction, l_shape, slit, square
+from helpers.meshes import SHAPES, inset, junction, l_shape, on_rim, slit, square
 from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
@@ -76,7 +76,7 @@ def test_a_functional_keeps_its_own_numbers():
 def test_a_functional_of_another_mesh_is_refused():
     mesh = inset(4)
     movable = MovableMesh.of(mesh, Rules())
-    n, m = mesh.p.shape[1], mesh.t.shape[1]
+    n, m = mesh.nvertices, mesh.nelements
     fixed = np.zeros(n, dtype=bool)
     with pytest.raises(ValueError, match=r"values of Ritz must have shape \(nnodes,\) = \(25,\); got \(4,\)\."):
         Functional.of(Ritz(ZEROS, FIXED, 1.0), movable)
@@ -92,12 +92,12 @@ def test_a_functional_of_another_mesh_is_refused():
 
 def test_constants_stay_with_their_regions_wherever_nodes_and_edges_go():
     mesh, rng = junction(6), np.random.default_rng(0)
-    number = np.full(mesh.t.shape[1], 2)
+    number = np.full(mesh.nelements, 2)
     for k, rows in enumerate(mesh.subdomains.values()):
         number[rows] = k
     coefficient, source, flux = rng.uniform(1, 9, 3), rng.normal(size=3), rng.normal(size=(2, 3))
     movable = MovableMesh.of(mesh, Rules())
-    n = mesh.p.shape[1]
+    n = mesh.nvertices
     ritz = Ritz(np.zeros(n), np.zeros(n, dtype=bool), coefficient, source, flux, number)
     functional = Functional.of(ritz, movable)
     learn(movable, lambda x: 1 / (0.1 + np.hypot(*x)))
@@ -144,7 +144,7 @@ def carried_by(mesh, ritz, change, rules=None):
 def test_where_nothing_moved_a_solution_is_what_it_was(name):
     mesh = SHAPES[name]
     rng = np.random.default_rng(0)
-    ritz = Ritz(rng.normal(size=mesh.p.shape[1]), np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
+    ritz = Ritz(rng.normal(size=mesh.nvertices), on_rim(mesh), 1.0)
     _, values, fixed = carried_by(mesh, ritz, lambda movable: None)
     assert_allclose(values, ritz.values, atol=1e-12)
     assert_array_equal(fixed, ritz.fixed)
@@ -153,7 +153,7 @@ def test_where_nothing_moved_a_solution_is_what_it_was(name):
 @each_mesh
 def test_where_nodes_moved_a_solution_is_what_it_was_there(name):
     mesh = SHAPES[name]
-    ritz = Ritz(np.sin(3 * mesh.p[0]) * mesh.p[1], np.isin(np.arange(mesh.p.shape[1]), mesh.boundary_nodes()), 1.0)
+    ritz = Ritz(np.sin(3 * mesh.p[0]) * mesh.p[1], on_rim(mesh), 1.0)
     movable, values, fixed = carried_by(
         mesh, ritz, lambda movable: learn(movable, lambda x: 1 / (0.001 + np.abs(x[0] * x[1])))
     )
@@ -197,10 +197,10 @@ def test_given_values_that_are_linear_are_looked_up_on_their_chain():
 
 def test_both_sides_of_a_slit_keep_their_values():
     mesh = slit(8)
-    upper = np.zeros(mesh.p.shape[1], dtype=bool)
+    upper = np.zeros(mesh.nvertices, dtype=bool)
     upper[mesh.t[:, mesh.p[1, mesh.t].mean(axis=0) > 0.5]] = True
     tip = (mesh.p[0] > 0.55) & (mesh.p[1] == 0.5)
-    ritz = Ritz(np.where(upper & ~tip, 1.0, -1.0), np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
+    ritz = Ritz(np.where(upper & ~tip, 1.0, -1.0), np.zeros(mesh.nvertices, dtype=bool), 1.0)
     movable, values, _ = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: x[0] < 0.5))
     moved = movable.mesh()
     cut = (moved.p[1] == 0.5) & (moved.p[0] < 0.5)
@@ -214,11 +214,11 @@ def test_both_sides_of_a_slit_keep_their_values():
 def test_a_piece_given_throughout_stays_given():
     """A region whose values are all given, such as a conductor: its free nodes are given as well."""
     mesh = inset(8)
-    core = np.isin(np.arange(mesh.p.shape[1]), mesh.t[:, mesh.subdomains["core"]])
+    core = np.isin(np.arange(mesh.nvertices), mesh.t[:, mesh.subdomains["core"]])
     ritz = Ritz(np.where(core, 2.0, 0.0), core, 1.0)
     movable, values, fixed = carried_by(mesh, ritz, lambda movable: learn(movable, lambda x: np.ones(x.shape[1])))
     after = movable.mesh()
-    still = np.isin(np.arange(mesh.p.shape[1]), after.t[:, after.subdomains["core"]])
+    still = np.isin(np.arange(mesh.nvertices), after.t[:, after.subdomains["core"]])
     assert_array_equal(fixed, still)
     assert_allclose(values[fixed], 2.0)
     kind = movable.constraints.kind
@@ -229,7 +229,7 @@ def test_far_hints_are_searched_for():
     mesh = l_shape(8)
     movable = MovableMesh.of(mesh, Rules())
     star = movable.triangulation.star
-    ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.p.shape[1], dtype=bool), 1.0)
+    ritz = Ritz(mesh.p[0] ** 2, np.zeros(mesh.nvertices, dtype=bool), 1.0)
     corner = np.argmax(mesh.p[0] - mesh.p[1])  # no straight way leads from here to the other leg
     start_element = np.full(movable.nnodes, star.element[star.start[corner]])
     values = transferred(Functional.of(ritz, movable), movable.copy(), movable, start_element).values

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.layer import Layer
-from helpers.meshes import square
+from helpers.meshes import on_rim, square
 from scipy.sparse.linalg import cg
 from skfem import (
     Basis,
@@ -194,7 +194,7 @@ class MagnetLayer(Layer):
         )
 
     def ritz(self, mesh, solution):
-        fixed = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
+        fixed = on_rim(mesh)
         return ka.Ritz(solution, fixed, 1.0, flux=lambda x, region: self.times * self.flux(x))
 
 

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import subprocess
-import zlib
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -15,7 +14,17 @@ import numpy as np
 import pytest
 from helpers.examples import examples
 from helpers.mesh_files import two_boxes
-from helpers.reports import CUT, HOSTILE, a_mesh, a_pass, a_result, before_and_after, hostile_report, solid_report
+from helpers.reports import (
+    CUT,
+    HOSTILE,
+    a_mesh,
+    a_pass,
+    a_result,
+    before_and_after,
+    hostile_report,
+    solid_report,
+    unpacked,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -64,12 +73,6 @@ class Page(HTMLParser):
     @property
     def data(self):
         return json.loads(next(text for text in self.text_of("script") if text.startswith("{")))
-
-
-def unpacked(record):
-    planes = np.frombuffer(zlib.decompress(base64.b64decode(record["data"])), np.uint8)
-    kind = np.dtype("<" + record["type"])
-    return np.ascontiguousarray(planes.reshape(kind.itemsize, -1).T).view(kind).ravel()
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ import pytest
 from helpers import swept
 from helpers.places import names_in
 from helpers.processes import alive, leave_drafts, wait_until
+from helpers.worlds import full_disk
 from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
@@ -105,16 +106,8 @@ def test_a_damaged_file_is_named(content, tmp_path):
         here(one, {"x": [1, 2]}, tmp_path)
 
 
-def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
-    replace = os.replace
-
-    def full(source, target):
-        if "case-0001" in str(target):
-            raise OSError(28, "No space left on device", str(source))
-        replace(source, target)
-
-    with monkeypatch.context() as patched, pytest.raises(OSError, match="No space left"):
-        patched.setattr(os, "replace", full)
+def test_a_file_is_whole_or_not_there(tmp_path):
+    with full_disk(lambda target: "case-0001" in target), pytest.raises(OSError, match="No space left"):
         here(one, {"x": [1, 2, 3]}, tmp_path)
     assert names_in(tmp_path) == ["case-0000.json", "sweep.json"]
     leave_drafts(tmp_path / "case-0001.json")
