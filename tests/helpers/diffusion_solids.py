@@ -1,10 +1,13 @@
 """-div(c grad u - g) = f on tetrahedra: constants and laws by region, given values on named boundaries."""
 
 import numpy as np
-from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
+from skfem import Basis, BilinearForm, ElementTetP1, ElementTetP2, LinearForm
+from skfem.helpers import dot, grad
 
 import kohonen_adapt as ka
+
+PAIRS = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
 
 
 class Rising:
@@ -20,15 +23,29 @@ class Rising:
         return self.scale * (b**2 / 2 + b**4 / 4)
 
 
+class Knee(Rising):
+    """H = scale (b + 10 b^3 / (1 + (b / 2)^2)): the slope rises from 1 to 41 at b = 2."""
+
+    def field_strength(self, b):
+        return self.scale * (b + 10.0 * b**3 / (1.0 + 0.25 * b**2))
+
+    def energy(self, b):
+        square = 0.25 * b**2
+        return self.scale * (0.5 * b**2 + 80.0 * (square - np.log1p(square)))
+
+
 class Diffusion:
     """Constants and laws by subdomain, in the order of the mesh's; `given` has functions of points by boundary.
 
-    A solution is the values at the nodes.
+    A region with a law has W(|grad u - s|) with the shift s. A solution is the values at the unknowns.
     """
+
+    order = 1
 
     def __init__(self, coefficient, source, flux, given, laws=()):
         self.coefficient, self.source, self.flux = (np.asarray(a, dtype=float) for a in (coefficient, source, flux))
         self.given, self.laws = given, laws
+        self.shift = np.zeros((3, len(laws)))
 
     @classmethod
     def random(cls, seed):
@@ -54,17 +71,24 @@ class Diffusion:
             number[rows] = k
         return number
 
+    def basis(self, mesh):
+        if self.order == 1:
+            return Basis(mesh, ElementTetP1(), intorder=1)
+        return Basis(mesh, ElementTetP2(), intorder=8 if any(self.laws) else 4)
+
     def ends(self, mesh):
         """Given values, and where they are."""
-        values, fixed = np.zeros(mesh.nvertices), np.zeros(mesh.nvertices, dtype=bool)
+        basis = self.basis(mesh)
+        values, fixed = np.zeros(basis.N), np.zeros(basis.N, dtype=bool)
         for name, value in self.given.items():
-            rows = np.unique(mesh.facets[:, mesh.boundaries[name]])
-            values[rows], fixed[rows] = value(mesh.p[:, rows]), True
+            rows = basis.get_dofs(name).flatten()
+            values[rows], fixed[rows] = value(basis.doflocs[:, rows]), True
         return values, fixed
 
     def ritz(self, mesh, solution):
-        fixed = self.ends(mesh)[1]
-        return ka.Ritz(solution, fixed, self.coefficient, self.source, self.flux, self.number(mesh), laws=self.laws)
+        constants = {"coefficient": self.coefficient, "source": self.source, "flux": self.flux}
+        rest = {"region": self.number(mesh), "laws": self.laws, "order": self.order}
+        return ka.Ritz(solution, self.ends(mesh)[1], **constants, **rest, shift=self.shift if any(self.laws) else 0.0)
 
     def solve(self, mesh):
         """Newton's method, which a linear problem needs one step of; steps are halved until the residual falls."""
@@ -87,28 +111,50 @@ class Diffusion:
                 break
         return values
 
-    def equations(self, mesh, values):
-        """Derivatives of the functional by the values at all nodes, first and second."""
-        t, number = mesh.t, self.number(mesh)
-        corners = mesh.p[:, t]
-        edges = (corners[:, 1:] - corners[:, :1]).transpose(2, 1, 0)
-        volume = np.abs(np.linalg.det(edges)) / 6.0
-        hats = np.linalg.solve(edges, np.broadcast_to(np.hstack([-np.ones((3, 1)), np.eye(3)]), (len(volume), 3, 4)))
-        slope = np.einsum("mdk,km->md", hats, values[t])
-        tensor = self.coefficient[number][:, None, None] * np.eye(3)
-        strength = self.coefficient[number][:, None] * slope
-        for k, law in enumerate(self.laws):
-            if law is not None:
-                rows = np.flatnonzero(number == k)
-                square = np.sum(slope[rows] ** 2, axis=1)
-                strength[rows] = law.scale * (1.0 + square)[:, None] * slope[rows]
-                tensor[rows] = law.scale * (
-                    (1.0 + square)[:, None, None] * np.eye(3) + 2.0 * slope[rows][:, :, None] * slope[rows][:, None]
-                )
-        own = volume[:, None] * np.einsum("mdk,md->mk", hats, strength - self.flux[:, number].T)
-        own -= (volume * self.source[number] / 4.0)[:, None]
-        local = volume[:, None, None] * np.einsum("mdk,mde,mel->mkl", hats, tensor, hats)
-        rows, columns = np.repeat(t.T, 4, axis=1), np.tile(t.T, (1, 4))
-        n = mesh.nvertices
-        matrix = coo_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsr()
-        return np.bincount(t.T.ravel(), own.ravel(), n), matrix
+    def equations(self, mesh, u):
+        """Derivatives of the functional by the values at all unknowns, first and second."""
+        basis, number = self.basis(mesh), self.number(mesh)
+        one = np.eye(3)[..., None, None]
+        slope = np.asarray(basis.interpolate(u).grad)
+        field, tensor = np.zeros_like(slope), np.zeros((3, *slope.shape))
+        for k, coefficient in enumerate(self.coefficient):
+            rows, law = number == k, self.laws[k] if self.laws else None
+            if law is None:
+                field[:, rows], tensor[:, :, rows] = coefficient * slope[:, rows], coefficient * one
+                continue
+            r = slope[:, rows] - self.shift[:, k, None, None]
+            b = np.maximum(np.linalg.norm(r, axis=0), 1e-8)
+            secant, tangent = (
+                law.field_strength(b) / b,
+                (law.field_strength(b * (1.0 + 1e-6)) - law.field_strength(b)) / (1e-6 * b),
+            )
+            field[:, rows] = secant * r
+            tensor[:, :, rows] = secant * one + (tangent - secant) / b**2 * r[:, None] * r[None]
+        f, g = self.source[number][:, None], self.flux[:, number][..., None]
+        load = LinearForm(lambda v, w: dot(field - g, grad(v)) - f * v).assemble(basis)
+        second = BilinearForm(lambda u, v, w: np.einsum("i...,ij...,j...", grad(u), tensor, grad(v)))
+        return load, second.assemble(basis)
+
+
+class QuadraticDiffusion(Diffusion):
+    """Of order 2."""
+
+    order = 2
+
+    @classmethod
+    def random(cls, seed):
+        """Without laws."""
+        problem = super().random(seed)
+        problem.laws = ()
+        return problem
+
+
+class NonlinearQuadratic(QuadraticDiffusion):
+    """Of order 2 with laws and a shift."""
+
+    @classmethod
+    def random(cls, seed):
+        problem, rng = super().random(seed), np.random.default_rng(seed)
+        problem.laws = [(None, Rising()), (Rising(3.0), Rising()), (Knee(), None), (Knee(0.1), Rising())][seed % 4]
+        problem.shift = rng.normal(size=(3, 2)) * rng.choice([0.0, 1.0])
+        return problem

@@ -6,8 +6,8 @@ import numpy as np
 from skfem import MeshTri
 
 import kohonen_adapt as ka
+from helpers.diffusion_solids import QuadraticDiffusion
 from helpers.meshes import BOTH, cell, inset, l_shape, peak, ring
-from helpers.quadratic_solids import QuadraticDiffusion
 from helpers.scalar_problems import Load, loaded
 from helpers.solids import box
 

@@ -10,9 +10,8 @@ import pytest
 from helpers import devices, driven_solids, round_magnet
 from helpers import scalar_problems as scalar
 from helpers.descents import Start
-from helpers.diffusion_solids import Diffusion
+from helpers.diffusion_solids import Diffusion, NonlinearQuadratic, QuadraticDiffusion
 from helpers.meshes import l_shape
-from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
 from helpers.solids import halved_cube
 from hypothesis import given, settings
 from hypothesis import strategies as st

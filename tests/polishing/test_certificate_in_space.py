@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from helpers import driven_solids
 from helpers.descents import descent_of
-from helpers.diffusion_solids import Diffusion, Rising
+from helpers.diffusion_solids import PAIRS, Diffusion, QuadraticDiffusion, Rising
 from helpers.magnet_solids import nested_balls
-from helpers.quadratic_solids import PAIRS, QuadraticDiffusion
 from helpers.solids import box, cut, halved_cube, l_shape, two_regions
 from skfem import MeshTet
 

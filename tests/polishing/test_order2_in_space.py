@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from helpers.descents import descent_of
+from helpers.diffusion_solids import NonlinearQuadratic, QuadraticDiffusion
 from helpers.poisson_solids import fichera
-from helpers.quadratic_solids import NonlinearQuadratic, QuadraticDiffusion
 from helpers.solids import halved_cube
 
 import kohonen_adapt as ka

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.diffusion_solids import Diffusion
+from helpers.diffusion_solids import Diffusion, QuadraticDiffusion
 from helpers.poisson_solids import fichera
-from helpers.quadratic_solids import QuadraticDiffusion
 from helpers.solids import halved_cube
 
 import kohonen_adapt as ka
