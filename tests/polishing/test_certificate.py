@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import devices, driven_solids, round_magnet
+from helpers import devices, round_magnet
 from helpers import scalar_problems as scalar
 from helpers.descents import Start
 from helpers.diffusion_solids import Diffusion, NonlinearQuadratic, QuadraticDiffusion
@@ -113,10 +113,6 @@ def test_the_next_solution_lies_lower_by_what_was_told(name, plan):
 def test_so_it_does_in_space(kind, seed, plan):
     problem = SPACE[kind].random(seed)
     certified(halved_cube((2, 2, 2), 0, seed), problem, plan, TABLE if any(problem.laws) else EXACT)
-
-
-def test_so_it_does_beside_coils_and_iron():
-    certified(driven_solids.block_mesh(1), driven_solids.random_problem(1), (2, 1, 1), TABLE)
 
 
 def started(name):

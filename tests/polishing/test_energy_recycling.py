@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from helpers.descents import Start
-from helpers.meshes import disk, generic_square, inset, junction, named, perturbed, slit, square
+from helpers.meshes import generic_square, inset, junction, named, perturbed, slit, square
 from numpy.testing import assert_allclose
-from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
@@ -69,42 +68,3 @@ def recycled(mesh, values, fixed, load=1.0):
     at = Start.of(mesh, ka.Ritz(values, fixed, 1.0, load))
     assert (at.recycle() > 0.0) == (at.recycled.splits > 0)
     return at.movable.mesh(), at.trial.fixed, at.recycled.splits
-
-
-@pytest.mark.parametrize("slope", [0.0, 3.0])
-def test_a_straight_function_recycles_nothing(slope):
-    mesh = perturbed(generic_square(8), 1)
-    outer = np.isin(np.arange(mesh.nvertices), mesh.boundary_nodes())
-    after, _, splits = recycled(mesh, 1.0 + slope * mesh.p[0] - slope * mesh.p[1], outer, 0.0)
-    assert splits == 0 and np.array_equal(after.p, mesh.p)
-
-
-def test_a_mesh_without_an_inner_node_stays():
-    assert recycled(MeshTri(), np.arange(4.0) ** 2, MeshTri().p[0] != 0.5)[2] == 0
-
-
-def test_an_outline_with_given_values_that_are_not_linear_keeps_its_nodes():
-    mesh = generic_square(8)
-    x, y = mesh.p
-    values = np.where(x == 0.0, y * (1 - y), x * np.exp(-20 * (y - 0.5) ** 2))
-    after, _, splits = recycled(mesh, values, x == 0.0)
-    assert splits > 0
-    assert np.array_equal(np.sort(after.p[1, after.p[0] == 0.0]), np.sort(y[x == 0.0]))
-
-
-def test_values_given_inside_stay_and_so_do_the_edges_between_them():
-    mesh = square(8)
-    x, y = mesh.p
-    wire = (x == 0.5) & (y > 0.2) & (y < 0.8)
-    after, fixed, splits = recycled(mesh, np.where(wire, y, np.sin(9 * x * y)), wire)
-    on_wire = (after.p[0] == 0.5) & (after.p[1] > 0.2) & (after.p[1] < 0.8)
-    assert splits > 0
-    assert np.array_equal(np.sort(after.p[1, on_wire]), np.sort(y[wire])) and np.array_equal(fixed, on_wire)
-
-
-def test_nodes_on_curves_are_neither_made_nor_taken_away():
-    mesh = disk(8, 1.0)
-    after, _, splits = recycled(mesh, np.exp(-30.0 * mesh.p[0] ** 2), np.zeros(mesh.nvertices, dtype=bool))
-    assert splits > 0
-    outer = [set(map(tuple, each.p[:, each.boundary_nodes()].T)) for each in (mesh, after)]
-    assert outer[0] == outer[1]

@@ -59,35 +59,6 @@ def test_a_dual_that_is_the_solution_itself_and_one_that_is_nothing_change_no_bi
 # --- in the loop -----------------------------------------------------------------------------------------------
 
 
-class Shared(Aimed):
-    """With a share that every mesh would have another of."""
-
-    def ritz(self, mesh, values):
-        return replace(super().ritz(mesh, values), share=1.0 + float(mesh.p.mean()))
-
-
-def test_a_run_keeps_the_share_of_its_first_pass_and_so_does_one_that_goes_on(tmp_path):
-    whole = ka.adapt(slab(), Shared(1), passes=2)
-    assert "polish" not in whole.message
-    assert {step.share for step in whole.history} == {1.0 + slab().p.mean()}
-    assert all(step.comparable for step in whole.history)
-    assert whole.best.functional == min(step.functional for step in whole.history) < whole.history[0].functional
-    ka.adapt(slab(), Shared(1), passes=1, checkpoint=tmp_path)
-    resumed = ka.adapt(slab(), Shared(1), passes=2, checkpoint=tmp_path)
-    assert [step.functional for step in resumed.history] == [step.functional for step in whole.history]
-    assert_array_equal(resumed.mesh.p, whole.mesh.p)
-
-
-def test_functionals_that_were_linearised_are_compared_by_the_estimate():
-    class Linearised(Aimed):
-        def ritz(self, mesh, values):
-            return replace(super().ritz(mesh, values), comparable=False)
-
-    result = ka.adapt(slab(), Linearised(1), passes=1)
-    assert not any(step.comparable for step in result.history) and result.history[1].polish_gain > 0.0
-    assert "Passes were compared by the estimate" in result.message
-
-
 ZEROS = {"values": np.zeros(4), "fixed": np.array([True, False, False, False]), "coefficient": 1.0}
 
 
@@ -114,3 +85,22 @@ class Law:
 def test_what_a_dual_refuses(arguments, message):
     with pytest.raises(ValueError, match=message):
         ka.Ritz(**{**ZEROS, **arguments})
+
+
+class Shared(Aimed):
+    """With a share that every mesh would have another of."""
+
+    def ritz(self, mesh, values):
+        return replace(super().ritz(mesh, values), share=1.0 + float(mesh.p.mean()))
+
+
+def test_a_run_keeps_the_share_of_its_first_pass_and_so_does_one_that_goes_on(tmp_path):
+    whole = ka.adapt(slab(), Shared(1), passes=2)
+    assert "polish" not in whole.message
+    assert {step.share for step in whole.history} == {1.0 + slab().p.mean()}
+    assert all(step.comparable for step in whole.history)
+    assert whole.best.functional == min(step.functional for step in whole.history) < whole.history[0].functional
+    ka.adapt(slab(), Shared(1), passes=1, checkpoint=tmp_path)
+    resumed = ka.adapt(slab(), Shared(1), passes=2, checkpoint=tmp_path)
+    assert [step.functional for step in resumed.history] == [step.functional for step in whole.history]
+    assert_array_equal(resumed.mesh.p, whole.mesh.p)

@@ -11,7 +11,7 @@ from kohonen_adapt.kernels.functionals import Laws, energy_density
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.triangle.polish.descend import descend_nodes
 from kohonen_adapt.kernels.triangle.polish.flips import descend_flips
-from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table, radial
+from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Magnetostatics, Material, Table
 from kohonen_adapt.polishing.energy_tables import tabulated
 
 energy_density = interpreted(energy_density)
@@ -42,19 +42,6 @@ class Straight:
         return 0.5 * self.coefficient * b**2
 
 
-class Cubic(Straight):
-    """H = c (b + b^3): W is quadratic in b^2, so that the table leaves nothing out."""
-
-    def field_strength(self, b):
-        return self.coefficient * (b + b**3)
-
-    def slope(self, b):
-        return self.coefficient * (1.0 + 3.0 * b**2)
-
-    def energy(self, b):
-        return self.coefficient * (0.5 * b**2 + 0.25 * b**4)
-
-
 # --- tables ----------------------------------------------------------------------------------------------------
 
 
@@ -71,17 +58,6 @@ def test_tables_hold_energies_and_their_rates(law, largest):
     assert abs(np.sum(energy - law.energy(b))) < TABLE * np.sum(law.energy(b))
     assert_allclose(rate, law.field_strength(b) / (2 * b), rtol=1e-4)
     assert np.all(rate + 2 * b**2 * bend > 0.0)  # the field strength rises
-
-
-def test_beyond_a_table_the_energy_is_smooth_and_convex():
-    tables = tabulated([LAWS["Brauer"]], 1.0)
-    laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
-    for end in (2.0 ** (tables.first - 1), 2.0 ** (tables.first + 35)):
-        below, above = (energy_density(laws, 0, end * (1 + side)) for side in (-1e-12, 1e-12))
-        assert below[0] == pytest.approx(above[0], rel=1e-10) and below[1] == pytest.approx(above[1], rel=1e-9)
-    assert energy_density(laws, 0, 0.0)[0] == 0.0
-    s = 2.0 ** np.arange(tables.first - 20.0, tables.first + 80.0)
-    assert np.all(np.diff([energy_density(laws, 0, each)[1] for each in s]) >= 0.0)
 
 
 class Falling(Straight):
@@ -108,14 +84,6 @@ class Single(Straight):
         return 1.0
 
 
-class Coarse(Cubic):
-    """An energy from a table of a hundred points."""
-
-    def energy(self, b):
-        ticks = np.linspace(0.0, 2.0, 101)
-        return np.interp(b, ticks, super().energy(ticks))
-
-
 @pytest.mark.parametrize(
     ("law", "message"),
     [
@@ -135,13 +103,6 @@ class Coarse(Cubic):
 def test_wrong_laws_are_refused(law, message):
     with pytest.raises(ValueError, match=message):
         tabulated([law], 1.0)
-
-
-def test_an_energy_may_come_from_a_coarser_table():
-    law = Coarse(1.0)
-    tables = tabulated([law], 1.0)
-    laws = Laws(np.zeros(1, dtype=np.int32), tables.first, tables.energy)
-    assert energy_density(laws, 0, 0.7)[0] == pytest.approx(law.energy(np.sqrt(0.7)), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -188,11 +149,3 @@ def test_nonlinear_material_compiles_nothing_that_linear_has_not():
     before = [len(kernel.signatures) for kernel in compiled]
     ka.polish(mesh, problem_of(Material(bh=STEEL)), sweeps=1)
     assert [len(kernel.signatures) for kernel in compiled] == before
-
-
-def test_magnets_that_turn_inside_nonlinear_material_are_polished():
-    law = Table([(0.5, 3.58e5), (1.0, 7.4e5), (1.4, 10.5e5)])
-    problem = problem_of(Material(bh=law, remanence=radial(1.0)))
-    result = ka.adapt(blocks(8), problem, passes=1)
-    assert "polish" not in result.message
-    assert 0.0 < result.history[1].polish_gain < result.history[0].functional - result.history[1].functional

@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.driven_solids import block_mesh, dipole, loop, uniform
-from numpy.testing import assert_allclose
+from helpers.driven_solids import block_mesh, loop, uniform
 from skfem import Basis, ElementTetP1, ElementTetP2
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
-from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Material
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
@@ -100,14 +98,3 @@ def test_a_solution_is_carried_to_a_moved_mesh(order):
     else:
         own = SolidFunctional.of(problem.ritz(after, field), movable, after).solution.modes.side
         assert np.linalg.norm(trial.modes.side - own) < 0.3 * np.linalg.norm(own)
-
-
-def test_a_solution_of_order_2_is_itself_on_its_own_mesh():
-    """Also on the surfaces of iron, where an edge has one coefficient on each side."""
-    mesh, problem = block_mesh(1), MagneticScalarPotential(IRON, {}, dipole((1.0, 2.0, 5.0), (0.2, 0.9, 1.3)), order=2)
-    _, movable, functional, _ = solved(mesh, problem)
-    start = unchanged(movable.tetrahedralization).start_element
-    there = transferred_in_space(functional, MovableSolid.of(mesh, Rules("recycle")), movable, start)
-    own, size = functional.solution, np.ptp(functional.solution.values)
-    assert_allclose(there.values, own.values, atol=1e-9 * size)
-    assert_allclose(there.modes.side, own.modes.side, atol=1e-9 * size)

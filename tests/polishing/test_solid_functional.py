@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 from helpers.meshes import square
-from helpers.solids import ball, box, two_regions
-from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshTet, MeshTri
+from helpers.solids import box, two_regions
+from skfem import MeshTri
 
-import kohonen_adapt as ka
 from kohonen_adapt import NotOffered, Ritz, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, ON_RIDGE
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.space.solid_functional import SolidFunctional
@@ -102,75 +99,6 @@ def test_which_given_values_let_meshes_be_compared(mesh):
     for cases, comparable in ((COMPARABLE, True), (NOT_COMPARABLE, False)):
         for name, (values, fixed) in cases.items():
             assert functional_of(mesh, values(mesh.p), fixed(mesh.p))[1].comparable == comparable, name
-
-
-def test_values_given_by_edges_and_surfaces_that_loops_may_not_know_are_compared_or_not():
-    flat, solid = square(4), box(4)
-    assert functional_of(flat, np.minimum(*flat.p), rim(flat.p))[1].comparable  # linear side by side
-    assert not functional_of(solid, solid.p[1] ** 2, left(solid.p) & (solid.p[2] == 0.0))[1].comparable
-    ball_of = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
-    for surface, known in ((ka.Sphere((0.0, 0.0, 0.0), 1.0), True), (Asked(), False)):
-        rules = Rules(surfaces={"rim": surface})
-        assert functional_of(ball_of, ball_of.p[0], np.zeros(125, dtype=bool), rules)[1].comparable == known
-
-
-class Asked:
-    """A sphere of which loops know no formula."""
-
-    def project(self, x):
-        return x / np.linalg.norm(x, axis=0)
-
-
-def freedoms(mesh, values, fixed, rules=None):
-    """What every node may do without the functional, and with it."""
-    movable, functional = functional_of(mesh, values, fixed, rules)
-    return movable.freedom.number, functional.freedom(movable.freedom, fixed).number, functional, movable
-
-
-def test_nodes_whose_given_values_no_formula_carries_are_held():
-    mesh = box(4)
-    x, y, z = mesh.p
-    left, low, centre = x == 0.0, z == 0.0, (x == 0.5) & (y == 0.5) & (z == 0.5)
-    values, fixed = np.where(left, y * z, 3.0 * x), left | low | centre
-    before, after, *_ = freedoms(mesh, values, fixed)
-    held = left | centre
-    assert_array_equal(after, np.where(held, HELD, before))
-    assert set(before[held & ~centre]) == {HELD, ON_RIDGE, ON_PATCH}
-
-
-def test_values_go_along_patches_and_ridges_at_their_rate():
-    mesh = box(4)
-    slope = np.array([2.0, -1.0, 0.5])
-    values, fixed = slope @ mesh.p + 1.0, np.any((mesh.p == 0.0) | (mesh.p == 1.0), axis=0)
-    before, after, functional, movable = freedoms(mesh, values, fixed)
-    assert_array_equal(after, before)
-    surfaces, patches = movable.surfaces, functional.patches
-    for rate, axis in zip(functional.rate[:patches], surfaces.axis, strict=True):
-        assert_allclose(rate, slope - (slope @ axis) * axis, atol=1e-12)
-    for rate, axis in zip(functional.rate[patches:], surfaces.ridge_axis, strict=True):
-        assert_allclose(rate, (slope @ axis) * axis, atol=1e-12)
-
-
-def test_a_face_without_a_node_of_its_own_may_be_given_or_not():
-    mesh = MeshTet.init_tensor(np.linspace(0, 1, 2), *[np.linspace(0, 1, 5)] * 2)
-    _, y, z = mesh.p
-    before, after, functional, movable = freedoms(mesh, y * z, (y == 0.0) | (y == 1.0))
-    narrow = np.abs(movable.surfaces.axis[:, 0]) < 0.5  # the faces y, z = 0, 1 have no node that is not on an edge
-    assert_array_equal(functional.held[: functional.patches], narrow & (movable.surfaces.axis[:, 1] != 0.0))
-    on = (y == 0.0) | (y == 1.0)
-    assert np.all(after[on] == HELD)
-    assert np.array_equal(after[~on], before[~on])
-
-
-def test_nodes_stay_on_surfaces_without_a_formula_and_where_they_are_pinned():
-    mesh = ball(4).with_boundaries({"rim": lambda x: np.linalg.norm(x, axis=0) > 0.5})
-    fixed = np.zeros(mesh.nvertices, dtype=bool)
-    before, after, *_ = freedoms(mesh, mesh.p[0], fixed, Rules(surfaces={"rim": Asked()}))
-    assert_array_equal(after, np.where(before == INSIDE, INSIDE, HELD))
-    before, after, *_ = freedoms(mesh, mesh.p[0], fixed)
-    assert_array_equal(after, before)
-    before, after, *_ = freedoms(box(3), box(3).p[0], np.zeros(64, dtype=bool), Rules(pinned=[21]))
-    assert before[21] == after[21] == HELD
 
 
 def test_shifts_and_offsets_are_for_tetrahedra():

@@ -16,12 +16,6 @@ from kohonen_adapt.mesh.measures import area, inner_points
 from kohonen_adapt.problem.functional_value import functional_value
 
 
-def ring(k, outside="air"):
-    """A ring from 20 to 40 mm around a bore, with 6 mm of something else around it, in air up to 60 mm."""
-    parts = {"bore": k // 3, "ring": 2 * k // 3, outside: 5 * k // 6, "air": k}
-    return disk(np.linspace(0.0, 0.06, k + 1)[1:], parts)
-
-
 def error_of(field):
     x = inner_points(field.mesh.p[:, field.mesh.t])
     off = field.flux_density[:, None] - halbach_field(x.reshape(2, -1)).reshape(x.shape)
@@ -45,6 +39,25 @@ def test_a_halbach_cylinder_is_polished():
     assert_allclose(bore.mean(axis=1), [np.log(2.0), 0.0], atol=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("flux", "message"),
+    [
+        (lambda x, number: x[0], r"flux of Ritz must have shape \(2, n\) = \(2, .*\); got \(.*,\)\."),
+        (lambda x, number: x / 0.0, r"flux of Ritz must be finite; it is not at .* points, first "),
+    ],
+)
+def test_a_flux_that_is_none_is_refused(flux, message):
+    mesh = MeshTri().refined(2)
+    with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
+        functional_value(mesh, ka.Ritz(mesh.p[0], mesh.p[0] < 0.0, 1.0, flux=flux))
+
+
+def ring(k, outside="air"):
+    """A ring from 20 to 40 mm around a bore, with 6 mm of something else around it, in air up to 60 mm."""
+    parts = {"bore": k // 3, "ring": 2 * k // 3, outside: 5 * k // 6, "air": k}
+    return disk(np.linspace(0.0, 0.06, k + 1)[1:], parts)
+
+
 def poles(x):
     """Eight poles in turn in one region: what the callable says jumps inside."""
     return np.sign(np.sin(4.0 * np.arctan2(x[1], x[0]) + 0.3)) * radial(1.0)(x)
@@ -61,16 +74,3 @@ def test_a_flux_that_jumps_inside_a_region_never_raises_the_functional(topology)
     assert np.all(np.diff(values) <= 0.0)
     history = ka.adapt(ring(9), problem, passes=2).history
     assert all(step.polish_gain >= 0.0 for step in history)
-
-
-@pytest.mark.parametrize(
-    ("flux", "message"),
-    [
-        (lambda x, number: x[0], r"flux of Ritz must have shape \(2, n\) = \(2, .*\); got \(.*,\)\."),
-        (lambda x, number: x / 0.0, r"flux of Ritz must be finite; it is not at .* points, first "),
-    ],
-)
-def test_a_flux_that_is_none_is_refused(flux, message):
-    mesh = MeshTri().refined(2)
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match=message):
-        functional_value(mesh, ka.Ritz(mesh.p[0], mesh.p[0] < 0.0, 1.0, flux=flux))

@@ -54,21 +54,3 @@ def test_functions_that_return_something_else(source, message):
 
     with pytest.raises(ValueError, match=message):
         ka.polish(SQUARE, Wrong(PROBLEM.centres, PROBLEM.widths))
-
-
-def test_the_region_numbers_are_those_of_the_points():
-    line, seen = np.linspace(0.0, 1.0, 13), []
-
-    class Parted(Gaussians):
-        def ritz(self, mesh, solution):
-            region = np.isin(np.arange(mesh.nelements), mesh.subdomains["b"]).astype(int)
-
-            def source(x, number):
-                seen.append(np.all((x[0] > 0.5) == (number == 1)))
-                return self.source(x)
-
-            return ka.Ritz(solution, self.fixed(self.basis(mesh, 1)), 1.0, source, region=region)
-
-    mesh = MeshTri.init_tensor(line, line).with_subdomains({"a": lambda x: x[0] < 0.5, "b": lambda x: x[0] > 0.5})
-    ka.polish(mesh, Parted(PROBLEM.centres, PROBLEM.widths))
-    assert seen and all(seen)
