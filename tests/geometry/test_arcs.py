@@ -132,19 +132,6 @@ def test_what_was_recognised_is_in_the_log(caplog):
     ]
 
 
-def test_how_far_facets_are_from_their_curves_is_in_the_log(caplog):
-    mesh = ring(40, 4)
-    with caplog.at_level("INFO", logger="kohonen_adapt"):
-        result = ka.relocate(mesh, peak(mesh, 1.0, 0.0, width=0.5))
-    ends = np.angle((result.p[0] + 1j * result.p[1])[result.facets[:, result.boundaries["outer"]]])
-    turn = np.abs(np.angle(np.exp(1j * np.diff(ends, axis=0)))).max()
-    sagitta, before = 1 - np.cos(turn / 2), 1 - np.cos(np.pi / 40)
-    assert (
-        f"largest distance of curves from facets: {sagitta:.3g} (name: boundary 'outer'), before {before:.3g}, in "
-        "units of the mesh"
-    ) in caplog.messages
-
-
 def spiral(n, growth, angle):
     turn = np.linspace(0.4, angle, n)
     return (1 + growth * turn) * np.stack([-np.cos(turn), -np.sin(turn)])
@@ -260,24 +247,6 @@ class Answer:
         return self.answer(x)
 
 
-class RightAngle:
-    """The axes x >= 0 and y >= 0."""
-
-    def project(self, x):
-        return np.where(x[0] >= x[1], [x[0], 0 * x[0]], [0 * x[1], x[1]])
-
-
-def test_a_corner_of_a_given_curve_is_held_and_divides_it():
-    mesh = square(8).with_boundaries({"angle": lambda x: (x[0] == 0) | (x[1] == 0)})
-    outline = outline_of(mesh, curves={"angle": RightAngle()})
-    assert outline.constraints.kind[np.all(mesh.p == 0, axis=0)] == HELD
-    assert np.sum(outline.curve_index == 0) == 2
-    for number in range(5):
-        mesh = ka.relocate(mesh, peak(mesh, 0.2, 0.0), seed=number, curves={"angle": RightAngle()})
-        assert np.sum(np.all(mesh.p == 0, axis=0)) == 1
-        assert np.all(mesh.p[:, mesh.facets[:, mesh.boundaries["angle"]]].min(axis=0) == 0)
-
-
 # --- bad input ---
 
 
@@ -317,3 +286,21 @@ def test_two_curves_for_the_same_facets_are_refused():
     curve = ka.Arc((0.0, 0.0), 1.0)
     with pytest.raises(ValueError, match="boundaries 'outer' and 'part' share facets, so they cannot both"):
         KohonenMap(mesh, curves={"outer": curve, "part": curve})
+
+
+class RightAngle:
+    """The axes x >= 0 and y >= 0."""
+
+    def project(self, x):
+        return np.where(x[0] >= x[1], [x[0], 0 * x[0]], [0 * x[1], x[1]])
+
+
+def test_a_corner_of_a_given_curve_is_held_and_divides_it():
+    mesh = square(8).with_boundaries({"angle": lambda x: (x[0] == 0) | (x[1] == 0)})
+    outline = outline_of(mesh, curves={"angle": RightAngle()})
+    assert outline.constraints.kind[np.all(mesh.p == 0, axis=0)] == HELD
+    assert np.sum(outline.curve_index == 0) == 2
+    for number in range(5):
+        mesh = ka.relocate(mesh, peak(mesh, 0.2, 0.0), seed=number, curves={"angle": RightAngle()})
+        assert np.sum(np.all(mesh.p == 0, axis=0)) == 1
+        assert np.all(mesh.p[:, mesh.facets[:, mesh.boundaries["angle"]]].min(axis=0) == 0)

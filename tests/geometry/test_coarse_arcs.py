@@ -5,7 +5,6 @@ import pytest
 from helpers.meshes import circle, shells
 from helpers.tensor_meshes import sector
 from numpy.testing import assert_allclose
-from skfem import MeshTri
 from test_arcs import circles
 
 EIGHTH = np.pi / 4
@@ -20,20 +19,6 @@ def eighth(facets, layers=6):
 def test_arcs_of_few_nodes_are_round_where_others_have_their_centre(facets):
     mesh = eighth(facets)
     assert_allclose(circles(mesh), [[0, 0, 1, 0], [0, 0, 2.2, 0], [0, 0, 3, 0]], atol=1e-12)
-
-
-def lone_bore(facets):
-    """A sector of which no arc but the bore is round."""
-    mesh = sector(np.linspace(1.0, 3.0, 6), np.linspace(0.0, EIGHTH, facets + 1), {})
-    angle, radius = np.angle(mesh.p[0] + 1j * mesh.p[1]), np.hypot(*mesh.p)
-    bent = 1.0 + 0.1 * (radius - 1.0) * np.sin(4.0 * angle) * np.where(angle < 0.3, 1.0, 2.0)
-    return MeshTri(bent * mesh.p, mesh.t, mesh.boundaries, mesh.subdomains)
-
-
-def test_the_centre_about_which_sides_are_paired_is_one():
-    mesh = lone_bore(4)
-    assert len(circles(mesh)) == 0
-    assert_allclose(circles(mesh, periodic=[("right", "left")]), [[0, 0, 1, 0]], atol=1e-12)
 
 
 def test_a_chamfer_of_three_facets_is_no_arc():

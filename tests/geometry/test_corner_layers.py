@@ -59,15 +59,6 @@ def test_halves_of_curved_sides_stay_pairs():
     assert_allclose(*(np.sort(np.arctan2(*each)) for each in (one, other)), rtol=0.0, atol=1e-12)
 
 
-def test_both_nodes_of_a_pair_get_layers():
-    mesh = named_square()
-    left = int(np.flatnonzero((mesh.p[0] == 0.0) & (mesh.p[1] == 0.25))[0])
-    finer = ka.refined_at(mesh, [left], periodic=[("left", "right")])
-    heights = [np.unique(finer.p[1, finer.facets[:, finer.boundaries[name]]].round(12)) for name in ("left", "right")]
-    assert_array_equal(*heights)
-    assert len(heights[0]) == 5 + 4
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -214,16 +214,6 @@ def frustum():
 CONE_OF_FRUSTUM = ka.Cone((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), np.arctan(0.5))
 
 
-def test_a_cone_holds_its_apex():
-    flat = disk(4, 1.0)
-    p = np.hstack([np.vstack([flat.p, 0.0 * flat.p[:1]]), [[0.0], [0.0], [1.0]]])
-    pointed = MeshTet(p, np.vstack([flat.t, np.full(flat.nelements, flat.nvertices)]))
-    pointed = pointed.with_boundaries({"side": lambda x: x[2] > 0.0})
-    solid = MovableSolid.of(pointed, Rules(surfaces={"side": ka.Cone((0, 0, 1), (0, 0, -1), np.pi / 4)}))
-    (apex,) = np.flatnonzero(pointed.p[2] == 1.0)
-    assert np.flatnonzero(solid.freedom.number == HELD).tolist() == [apex]
-
-
 REFUSED = {
     r"surfaces must map names of boundaries to surfaces; got list\.": [CONE_OF_FRUSTUM],
     r"surfaces has 'top', which is no boundary of the mesh; its boundaries are: 'side'\.": {"top": CONE_OF_FRUSTUM},
@@ -292,3 +282,13 @@ def test_curved_edges_on_surfaces_that_are_not_recognised_are_kept():
     assert type(after) is MeshTet2
     assert area(after).sum() == pytest.approx(area(drawn).sum(), rel=1e-3)
     assert type(ka.relocate(MeshTet(drawn.p[:, : drawn.nvertices], drawn.t), np.ones(drawn.nelements))) is MeshTet
+
+
+def test_a_cone_holds_its_apex():
+    flat = disk(4, 1.0)
+    p = np.hstack([np.vstack([flat.p, 0.0 * flat.p[:1]]), [[0.0], [0.0], [1.0]]])
+    pointed = MeshTet(p, np.vstack([flat.t, np.full(flat.nelements, flat.nvertices)]))
+    pointed = pointed.with_boundaries({"side": lambda x: x[2] > 0.0})
+    solid = MovableSolid.of(pointed, Rules(surfaces={"side": ka.Cone((0, 0, 1), (0, 0, -1), np.pi / 4)}))
+    (apex,) = np.flatnonzero(pointed.p[2] == 1.0)
+    assert np.flatnonzero(solid.freedom.number == HELD).tolist() == [apex]

@@ -5,7 +5,6 @@ import pytest
 from helpers.examples import examples
 from helpers.random_solids import flat_solids
 from helpers.solids import box, two_regions
-from helpers.tetrahedra import lone
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -96,16 +95,6 @@ def test_layers_that_invert_straight_elements_are_refused():
     made, nodes = with_layers_at(mesh, np.arange(mesh.nvertices), 2, edges=edges)
     assert nodes.size < mesh.nvertices
     check_mesh(made, curved=True, space=True)
-
-
-def test_distances_shrink_by_the_factor():
-    mesh = lone(np.eye(3, 4, 1))
-    finer = ka.refined_at(mesh, [0], layers=3, factor=0.2)
-    assert_allclose(np.unique(finer.p[0])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
-    assert finer.nelements == 1 + 3 * 3
-    finer = ka.refined_at(mesh, edges=[[0], [1]], layers=3, factor=0.2)
-    assert_allclose(np.unique(finer.p[1])[1:], [0.008, 0.04, 0.2, 1.0], rtol=1e-14)
-    assert finer.nelements == 3 + 6 * 2 + 3
 
 
 def test_layers_that_coordinates_do_not_resolve_are_left_out():

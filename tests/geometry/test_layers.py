@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from helpers.descents import descend
 from helpers.examples import examples
 from helpers.meshes import area_of, centres, inset
 from hypothesis import given
@@ -15,8 +14,6 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.elements.polynomials import TrialFunction
-from kohonen_adapt.polishing.functional import Functional
 
 
 def grid(low, high, rows, length=3.0, width=0.3, columns=24):
@@ -161,23 +158,6 @@ def test_adapt_makes_them_too_and_counts_their_nodes_as_new(topology):
     assert last.mesh.p.shape[1] == (grows["target_nodes"] if grows else mesh.p.shape[1])
 
 
-def test_the_polish_keeps_layers_that_it_would_lose():
-    mesh = closed(poles())
-    problem = current(mesh)
-    field = problem.solve(mesh)
-
-    def polished(layers):
-        movable = MovableMesh.of(mesh, Rules(min_quality=0.05, layers=layers))
-        ritz = problem.ritz(mesh, field)
-        functional = Functional.of(ritz, movable)
-        values, fixed = 1e3 * np.sin(40.0 * mesh.p[0] + 9.0 * mesh.p[1]), np.array(ritz.fixed)
-        descend(movable, functional, TrialFunction(values, fixed, None), 20)
-        return movable.mesh()
-
-    assert layers_of(polished(None)) == 1
-    assert layers_of(polished({"gap": 2})) == 2
-
-
 def level_of(mesh, layers):
     """How many edges every node is from the first side of the gap, (n,)."""
     return MovableMesh.of(mesh, Rules(layers={"gap": layers})).triangulation.elements.level
@@ -191,13 +171,6 @@ def test_ends_of_gaps_are_no_sides():
         assert {tuple(np.unique(level[side])) for side in sides} == {(0,), (3,)}
         ends = np.setdiff1d(np.intersect1d(gap, mesh.boundary_nodes()), np.concatenate(sides))
         assert {1, 2} <= set(level[ends])
-
-
-def test_the_map_keeps_layers_without_the_quality_rule():
-    mesh = poles()
-    som = KohonenMap(mesh, min_quality=None, layers={"gap": 2})
-    som.train(lambda number, rng: (rng.uniform([[0.0], [0.31]], [[1.0], [0.4]], (2, number)), None), seed=1)
-    assert layers_of(som.mesh) == 2
 
 
 def disc():
@@ -269,3 +242,10 @@ def test_bands_that_touch_keep_theirs(rows):
     lost = again_and_again(mesh, "recycle", seed=1)
     thin = layers_of(lost, "rotor gap", "low", "stator gap"), layers_of(lost, "stator gap", "rotor gap", "high")
     assert thin < rows
+
+
+def test_the_map_keeps_layers_without_the_quality_rule():
+    mesh = poles()
+    som = KohonenMap(mesh, min_quality=None, layers={"gap": 2})
+    som.train(lambda number, rng: (rng.uniform([[0.0], [0.31]], [[1.0], [0.4]], (2, number)), None), seed=1)
+    assert layers_of(som.mesh) == 2

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from helpers.meshes import generic_square, junction, named, ring, slit, square
 from helpers.solids import box, cut, l_shape, two_regions
-from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
@@ -116,20 +115,3 @@ def test_a_copy_and_its_original_leave_each_other_alone(build, options):
     work_on(copy, seed=1)
     assert_same_state(movable.state(), after)
     assert_same_state(copy.state(), after)  # what is the same goes on in the same way
-
-
-def test_settling_puts_nodes_on_their_curves():
-    mesh, radii = ring(40, 6), {"inner": 0.5, "outer": 1.0}
-    p = mesh.p * (1 + 1e-4 * np.random.default_rng(0).uniform(-1, 1, mesh.p.shape[1]))
-    rules = Rules(curves={name: ka.Arc((0.0, 0.0), radius) for name, radius in radii.items()})
-    movable = MovableMesh.of(MeshTri(p, mesh.t).with_boundaries(mesh.boundaries), rules)
-    movable.project_nodes()
-    for name, radius in radii.items():
-        nodes = np.unique(mesh.facets[:, mesh.boundaries[name]])
-        assert np.abs(np.hypot(*p[:, nodes]) - radius).max() > 1e-5
-        assert_allclose(np.hypot(*movable.triangulation.position[nodes].T), radius, rtol=1e-12)
-    others = np.setdiff1d(np.arange(p.shape[1]), mesh.boundary_nodes())
-    assert_array_equal(movable.triangulation.position[others], p.T[others])
-    settled = kept(movable)
-    movable.project_nodes()
-    assert_same_state(movable.state(), settled)

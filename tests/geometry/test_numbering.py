@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import generic_square, square
+from helpers.meshes import square
 from skfem import MeshTri
 
 from kohonen_adapt import Rules
@@ -58,12 +58,3 @@ def pairs_of(movable):
     place, partner = movable.triangulation.position, movable.constraints.periodic.partner
     paired = partner >= 0
     return {(*one, *other) for one, other in zip(place[paired].tolist(), place[partner[paired]].tolist(), strict=True)}
-
-
-@pytest.mark.parametrize("build", [lambda: square(104), lambda: generic_square(20)], ids=["in rows", "small"])
-def test_meshes_that_are_in_order_or_small_keep_their_numbers(build):
-    movable = MovableMesh.of(build(), Rules())
-    position = movable.triangulation.position
-    with numbered_along_curve(movable) as row:
-        assert row is None
-        assert movable.triangulation.position is position

@@ -4,7 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.meshes import comb, inset, junction, l_shape, length_of, named, peak, square
+from helpers.meshes import inset, junction, length_of, named, peak, square
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
 
@@ -13,7 +13,6 @@ from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER
 
-MUCH = Schedule((Stage(2, 4, 0.5), Stage(0, 4, 0.5)), sweeps=3)
 SQUARE_CORNERS = {(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)}
 
 
@@ -68,27 +67,6 @@ def test_a_turn_above_a_millionth_is_a_corner(turn, corners):
     mesh = MeshTri(mesh.p + np.array([[0.0], [1.0]]) * turn * np.abs(mesh.p[0] - 0.5) * (mesh.p[1] == 0.0), mesh.t)
     kind, _ = kinds(mesh)
     assert np.sum(kind == HELD) == corners
-
-
-@pytest.mark.parametrize("build", [lambda: square(8), lambda: inset(8), lambda: l_shape(4), lambda: comb(10)])
-def test_nodes_on_lines_along_an_axis_keep_that_coordinate_to_the_bit(build):
-    mesh = build()
-    density = peak(mesh, *mesh.p[:, mesh.boundary_nodes()[3]])
-    result = ka.relocate(mesh, density, schedule=MUCH)
-    lines = {tuple(line) for line in outline_lines(mesh)}
-    assert {tuple(line) for line in outline_lines(result)} == lines
-    assert np.any(result.p != mesh.p)
-
-
-def outline_lines(mesh):
-    """(axis, coordinate) of every outer and interface facet; they must all lie along an axis."""
-    facets = [mesh.boundary_facets()]
-    for rows in (mesh.subdomains or {}).values():
-        facets.append(np.flatnonzero(np.bincount(mesh.t2f[:, rows].ravel(), minlength=mesh.facets.shape[1]) == 1))
-    for a, b in mesh.p[:, mesh.facets[:, np.concatenate(facets)]].transpose(2, 1, 0):
-        axis = 0 if a[0] == b[0] else 1
-        assert a[axis] == b[axis]
-        yield axis, float(a[axis])
 
 
 def cornered():

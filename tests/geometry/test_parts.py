@@ -1,21 +1,15 @@
 """Parts of open meshes of tetrahedra: changed side by side, and in the end as one thread would leave the whole."""
 
-import threading
-
 import numpy as np
 import pytest
 from helpers.solids import box, cut, two_regions, volumes
-from numba import config
 from skfem import MeshTet
 
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.thread_parts import parts_for, run_parts, wait_in
-from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, WANTED
-from kohonen_adapt.kernels.tetrahedron.geometry import find_parts
+from kohonen_adapt.geometry.space.thread_parts import parts_for
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
-from kohonen_adapt.kernels.threads import by_turns
 
 CELLS = 14  # 3375 nodes: two parts
 
@@ -54,54 +48,11 @@ def volumes_of(solid):
     return np.abs(volumes(MeshTet(solid.mesh.position.T, node.T))).sum()
 
 
-def test_parts_change_only_what_is_theirs(monkeypatch):
-    """An element at a cut stays, but for its neighbours; what is in the way there is told."""
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)
-    solid = opened()
-    part, before = solid.parts().partitions[0], solid.mesh.elements.node.copy()
-    of_element, seen = np.empty(len(before), dtype=np.int32), []
-    find_parts(before, part, of_element)
-    slow = [
-        -2 if row[0] < 0 else int(part[row[0]]) if len(set(part[row].tolist())) == 1 else -1 for row in before[::50]
-    ]
-    assert of_element[::50].tolist() == slow
-    across = np.flatnonzero(of_element == -1)
-
-    def swap(mesh, queue):
-        seen.append(sorted(set(queue.waiting[across].tolist())))
-        return swap_waiting(mesh, queue, 1.0, 0.0, 10_000)
-
-    wait_in(solid.queue, np.flatnonzero(of_element >= 0))
-    assert run_parts(solid.mesh, solid.queue, part, swap) > 1000
-    assert np.array_equal(solid.mesh.elements.node[across], before[across])
-    assert seen[0] == [ELSEWHERE] and seen[1] == [ELSEWHERE, WANTED]
-    told = solid.queue.element[: solid.queue.state[1]]
-    assert 0 < len(told) < len(across) and np.all(np.isin(told, across))
-    assert np.array_equal(np.flatnonzero(solid.queue.waiting), told)
-
-
 def test_few_nodes_are_one_part_and_many_are_more_of_no_less_than_a_thousand():
     assert parts_for(1999) == 1 and parts_for(3375) == 2
     for nodes in (10_000, 100_000, 1_000_000):
         parts = parts_for(nodes)
         assert parts > 2 and nodes / parts >= 1000
-
-
-def test_no_turn_is_taken_after_one_has_failed(monkeypatch):
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
-    failed, taken = threading.Event(), []
-
-    def task(thread, i):
-        if i == 0:
-            failed.set()
-            raise KeyboardInterrupt
-        failed.wait(10.0)
-        taken.append(i)
-
-    with pytest.raises(KeyboardInterrupt):
-        by_turns(task, 1000)
-    assert len(taken) < 1000
-    assert by_turns(lambda thread, i: 2 * i, 5) == [0, 2, 4, 6, 8] and by_turns(lambda thread, i: i, 0) == []
 
 
 def test_nodes_deep_in_a_part_of_either_way_come_before_those_that_are_not():

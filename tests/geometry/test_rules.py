@@ -17,17 +17,9 @@ from kohonen_adapt.geometry.rules import (
     checked_curves,
     checked_layers,
     checked_pairs,
-    floor_of,
     pinned_nodes,
 )
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
-
-
-def test_what_holds_where_nothing_is_said():
-    rules = Rules()
-    assert (rules.topology, rules.min_quality, rules.pinned) == ("flip", "auto", ())
-    assert (rules.curves, rules.periodic, rules.layers, rules.surfaces) == (None, (), None, None)
-    assert rules.guarded() is rules
 
 
 def test_edges_flip_unless_the_topology_is_fixed():
@@ -46,22 +38,11 @@ def test_min_qualities(min_quality):
         Rules(min_quality=min_quality)
 
 
-@pytest.mark.parametrize("min_quality", [0, 0.0, 0.999, np.float64(0.5)])
-def test_min_qualities_in_range(min_quality):
-    assert MovableMesh.of(square(2), Rules(min_quality=min_quality).guarded()).floor == min_quality
-
-
 def test_what_keeps_a_quality_has_one_to_keep():
     unchecked = Rules(min_quality=None)
     message = r"^min_quality must be 'auto' or a number here; only KohonenMap works unchecked\. Got None\.$"
     with pytest.raises(ValueError, match=message):
         unchecked.guarded()
-
-
-def test_the_least_quality_is_one_for_triangles_and_one_for_tetrahedra():
-    assert [floor_of(Rules(), dimension) for dimension in (2, 3)] == [0.3, 0.2]
-    assert [floor_of(Rules(min_quality=0.25), dimension) for dimension in (2, 3)] == [0.25, 0.25]
-    assert MovableMesh.of(square(2), Rules()).floor == 0.3 and MovableSolid.of(box(1), Rules()).floor == 0.2
 
 
 FRONT_DOORS = [ka.relocate, ka.adapt, ka.polish, ka.KohonenMap]
@@ -110,13 +91,6 @@ def test_iterators_are_gone_through_as_often_as_need_be():
     once = Rules(pinned=map(int, nodes))
     for _ in range(2):
         assert np.flatnonzero(MovableMesh.of(mesh, once).outline.pinned).tolist() == nodes
-
-
-def test_a_sequence_is_kept_as_it_is():
-    pinned, periodic = np.array([1, 2]), [("left", "right")]
-    rules = Rules(pinned=pinned, periodic=periodic)
-    assert rules.pinned is pinned and rules.periodic is periodic
-    assert Rules(pinned="rim").pinned == "rim"
 
 
 PINNED = [

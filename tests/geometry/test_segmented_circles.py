@@ -93,24 +93,6 @@ def test_polygons_stay_polygons_wherever_radial_interfaces_end(sides, cuts, at):
     assert np.all(found[:, 2] == pytest.approx(3.0)) and len(found) == (count > 10)
 
 
-def near_the_right(x):
-    return 1e-3 + np.exp(-20 * np.hypot(*(x - [[2], [0]])))
-
-
-@pytest.mark.parametrize(("facets", "topology"), [(1, "flip"), (1, "recycle"), (3, "recycle")])
-def test_nodes_slide_on_such_circles_and_new_ones_are_on_them(facets, topology):
-    mesh = cut_ring(facets)
-    corners = {tuple(x) for x in np.round(mesh.p[:, angle_on(mesh, 2.0)[1]].T, 9)}
-    moved = mesh
-    for number in range(2):
-        moved = ka.relocate(moved, near_the_right, topology=topology, seed=number)
-        for radius in RADII[1:3]:
-            assert angle_on(moved, radius)[0] == pytest.approx(2 * np.pi, rel=1e-9)
-    near = np.abs(np.hypot(*moved.p) - 2.0) < 1e-9
-    assert np.sum(near) > 16 * facets if topology == "recycle" else np.sum(near) == 16 * facets
-    assert corners <= {tuple(x) for x in np.round(moved.p[:, near].T, 9)}
-
-
 def octagon():
     return segmented(circle(8), np.arange(8), rim=circle(8))
 
