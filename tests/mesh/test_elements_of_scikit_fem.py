@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from skfem import Basis, ElementTetP1, FacetBasis, MeshTet, condense, solve
+from skfem import Basis, ElementTetP1, MeshTet, condense, solve
 from skfem.models import laplace, unit_load
 
 import kohonen_adapt as ka
@@ -23,20 +23,6 @@ def permuted(cells=2):
     moved = np.empty_like(p)
     moved[:, number] = p
     return MeshTet(moved, t)
-
-
-def polynomial(x, order):
-    return (x[0] + 2.0 * x[1] - x[2]) ** order + x[2] ** (order - 1) * x[0]
-
-
-@pytest.mark.parametrize("order", ELEMENTS)
-def test_polynomials_are_reproduced(order):
-    basis = Basis(permuted(), ELEMENTS[order](), intorder=2 * order + 1)
-    u = basis.project(lambda x: polynomial(x, order))
-    x = np.random.default_rng(0).uniform(0.0, 1.0, (3, 40))
-    assert_allclose(basis.interpolator(u)(x), polynomial(x, order), atol=1e-10)
-    on_rim = FacetBasis(basis.mesh, ELEMENTS[order]())
-    assert_allclose(on_rim.interpolate(u), polynomial(np.asarray(on_rim.global_coordinates()), order), atol=1e-10)
 
 
 @pytest.mark.parametrize("order", ELEMENTS)

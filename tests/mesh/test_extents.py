@@ -1,10 +1,12 @@
 """Meshes, indicators and sizes so large or small that areas, volumes and sums of squares are no numbers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.stand_ins import MESH, Script
 from numpy.testing import assert_allclose
-from skfem import MeshTet, MeshTri
+from skfem import MeshTet, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
 
@@ -84,3 +86,10 @@ def test_a_potential_whose_energy_is_no_number(scale, mesh, estimator):
         estimator(mesh, scale * potential, reluctivity)
     assert estimator(mesh, 1e-90 * potential, reluctivity).any()
     assert not estimator(mesh, 0.0 * potential, reluctivity).any()
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e150, 1e300])
+@pytest.mark.parametrize("mesh", [TRIANGLES, MeshTri2.from_mesh(TRIANGLES), SOLID], ids=["tri", "tri2", "tet"])
+def test_quality_does_not_depend_on_the_unit(mesh, scale):
+    given = replace(mesh, doflocs=mesh.doflocs * scale)
+    assert_allclose(ka.quality(given), ka.quality(mesh), rtol=1e-12)

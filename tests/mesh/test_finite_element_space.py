@@ -10,7 +10,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import BilinearForm, LinearForm
 from skfem.helpers import dot
 
-from kohonen_adapt.magnetostatics.estimation import balanced
 from kohonen_adapt.mesh.elements.functions import nodes
 from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_DEGREE, LAW_DEGREE_BY_POINTS, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.elements.space import Space
@@ -142,18 +141,6 @@ def test_loads_at_points_act_on_all_functions_alike(space):
     load = space.load_at(element, at, vectors)
     found = np.sum(space.weights * np.sum(load * space.gradient(u), axis=0))
     close(found, np.sum(vectors * space.gradient_at(u, element, at)), 1e-9)
-
-
-def test_means_of_a_flux_around_an_axis_have_its_loads(space):
-    x, source = space.points, np.ones(space.volumes.size)
-    flux = np.stack([x[0] * x[1], x[0] ** 2])
-    if not space.axis or space.order > 1:
-        return
-    means, inner = balanced(space, flux, source), space.corners.p[0, space.corners.t] > 1e-9
-    loads = (space.against_gradients(flux) - space.against_functions(source)) / space.volumes
-    missing = np.einsum("ck,cik->ik", means, space.hats) - source / 3.0 - loads
-    touching = inner & (space.kind > 0)
-    assert_allclose(missing[touching], 0.0, atol=1e-11 * np.abs(loads).max())
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt
-from kohonen_adapt.mesh.host import number_facets, remade, set_boundaries
+from kohonen_adapt.mesh.host import number_facets
 
 MESHES = {
     "one triangle": MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]])),
@@ -92,16 +92,3 @@ def test_scikit_fem_takes_the_facets_that_it_was_given(no_sorting):
     number_facets(mesh)
     assert mesh.facets.shape == (2, mesh.t2f.max() + 1) and mesh.f2t.shape == mesh.facets.shape
     assert len(mesh.boundary_facets()) == np.sum(mesh.f2t[1] < 0)
-
-
-def test_names_are_put_on_where_scikit_fem_looks_for_them(no_sorting):
-    mesh = l_shape(3)
-    number_facets(mesh)
-    rows, facets = np.array([1, 4]), np.array([0, 2, 3])
-    set_boundaries(mesh, {"side": facets})
-    assert mesh.boundaries["side"] is facets
-    moved = remade(mesh, 2.0 * mesh.p, mesh.t, boundaries=mesh.boundaries, subdomains={"core": rows})
-    assert moved.boundaries["side"] is facets and moved.subdomains["core"] is rows and mesh.subdomains is None
-    assert type(moved) is type(mesh)
-    assert_array_equal(moved.p, 2.0 * mesh.p)
-    assert remade(mesh, mesh.p, mesh.t, boundaries=None, subdomains=None).boundaries is None

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
-from kohonen_adapt.mesh.locate import Locator, elements_at, walk_to_elements
+from kohonen_adapt.mesh.locate import elements_at, walk_to_elements
 from kohonen_adapt.mesh.tetrahedralization import Tetrahedralization
 from kohonen_adapt.mesh.triangulation import Triangulation
 
@@ -106,19 +106,6 @@ def test_linear_functions_are_reproduced_and_outside_there_is_nan(name):
     assert_allclose(values[inside], linear(x[:, inside]), atol=1e-8)
 
 
-@pytest.mark.parametrize("mesh", [square(3), box(3)], ids=["plane", "space"])
-def test_points_at_infinity_and_without_a_place_are_outside(mesh):
-    dim = len(mesh.p)
-    x = np.full((7, dim), 0.4)
-    x[0, 0], x[1, 1], x[2, -1] = np.nan, np.inf, -np.inf
-    x[3], x[4] = np.nan, 1e300
-    x[5, 0], x[5, 2:] = 1e300, -1e300
-    found = ka.find_elements(mesh, x.T)
-    assert found[:6].tolist() == [-1] * 6 and found[6] >= 0
-    assert np.isnan(ka.interpolate(mesh, np.ones(mesh.nvertices), x.T)).tolist() == [True] * 6 + [False]
-    assert ka.interpolate(mesh, np.ones(mesh.nvertices), np.empty((dim, 0))).shape == (0,)
-
-
 def tessellated(mesh):
     return (Triangulation if len(mesh.p) == 2 else Tetrahedralization).of(mesh)
 
@@ -137,19 +124,6 @@ def test_a_walk_from_any_element_ends_where_a_search_does(name, across_regions):
         start = np.array([rng.choice(np.flatnonzero(region == own)) for own in region], dtype=np.int32)
     found = walk_to_elements(tessellation, points, start, across_regions)
     assert_array_equal(found, np.arange(len(points)))
-
-
-def test_rows_that_are_not_in_use_hold_no_point():
-    """Loops that take elements away leave rows between those in use."""
-    tet, x = Tetrahedralization.of(thrown(box(3), 0)), np.random.default_rng(0).random((500, 3))
-    found = Locator(tet).find(x)
-    count = len(tet.elements.node)
-    row = np.random.default_rng(1).permutation(2 * count)[:count].astype(np.int32)
-    node, neighbour, region, patch = (np.full((2 * count, *each.shape[1:]), -1, np.int32) for each in tet.elements)
-    node[row], region[row] = tet.elements.node, tet.elements.region
-    neighbour[row] = np.where(tet.elements.neighbour < 0, -1, row[tet.elements.neighbour])
-    tet.set_arrays(tet.position, tet.elements._replace(node=node, neighbour=neighbour, region=region, patch=patch))
-    assert_array_equal(Locator(tet).find(x), row[found])
 
 
 @pytest.mark.parametrize(

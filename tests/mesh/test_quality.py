@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.meshes import areas_of, generic_square, perturbed, square
-from numpy.testing import assert_allclose
+from helpers.meshes import generic_square, perturbed
 
 from kohonen_adapt import quality
-from kohonen_adapt.mesh.measures import area, signed_area
-from kohonen_adapt.mesh.triangulation import Triangulation
 
 
 def test_quality_is_the_formula_and_at_most_1():
@@ -18,10 +15,3 @@ def test_quality_is_the_formula_and_at_most_1():
         heron = np.sqrt(s * (s - a) * (s - b) * (s - c))
         assert value == pytest.approx(4 * np.sqrt(3) * heron / (a**2 + b**2 + c**2), rel=1e-6)
     assert 0 < quality(mesh).min() < quality(mesh).max() <= 1
-
-
-def test_areas_have_signs_that_sorted_elements_do_not_show():
-    mesh = square(4)
-    assert np.sum(signed_area(mesh) < 0) > 0
-    assert_allclose(area(mesh), 1 / 32)
-    assert_allclose(areas_of(Triangulation.of(mesh)), area(mesh))

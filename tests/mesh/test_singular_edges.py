@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from helpers.magnet_solids import blocks, nested_balls
 from helpers.meshes import disk, square
-from helpers.solids import box, extruded
-from numpy.testing import assert_allclose, assert_array_equal
-from skfem import Basis, ElementTetP2, MeshTet
+from helpers.solids import extruded
+from numpy.testing import assert_array_equal
+from skfem import Basis, ElementTetP2
 
 import kohonen_adapt as ka
 from kohonen_adapt.geometry.space.movable_solid import with_round_edges
@@ -50,27 +50,6 @@ def at_corners_of_box(mesh, corners):
     return corners.size == 8 and np.allclose(np.abs(mesh.p[:, corners] - 0.5), 0.25)
 
 
-@pytest.mark.parametrize("axes", ["xy", "yz"])
-@pytest.mark.parametrize("order", [1, 2])
-def test_faces_at_right_angles_have_no_singular_edge(order, axes):
-    """Fixed faces beside natural ones have the exponent 1, two of one kind have 2."""
-    mesh = box(3)
-    assert found(mesh, order=order)[0].size == 0
-    names = ["xyz".index(axis) for axis in axes]
-    edges, corners = found(mesh, lambda x: (x[names] < 1e-9).any(axis=0), order)
-    assert edges.size == corners.size == 0
-
-
-def test_a_change_of_condition_on_a_plane_is_an_edge():
-    mesh = box(4)
-    edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[0] < 0.5))
-    assert_allclose(mesh.p[::2, edges], np.broadcast_to([[[0.5]], [[0.0]]], (2, 2, 4)))
-    assert corners.size == 0
-    edges, corners = found(mesh, lambda x: (x[2] < 1e-9) & (x[:2] < 0.5).all(axis=0))
-    assert length(mesh, edges) == pytest.approx(1.0)
-    assert_allclose(mesh.p[:, corners], [[0.5], [0.5], [0.0]])
-
-
 def test_iron_in_air():
     mesh, region = box_in_air()
     edges, corners = found(mesh, coefficient=[1.0, 1000.0], region=region)
@@ -87,22 +66,6 @@ def test_edges_of_a_magnet_count_except_along_the_magnetisation(permeability):
     assert np.all(np.ptp(mesh.p[2, edges], axis=0) < 1e-12)
     edges, _ = found(mesh, flux=lambda x, region: x * (region == 1), region=region)
     assert length(mesh, edges) == pytest.approx(6.0)
-
-
-@pytest.mark.parametrize("parallel", [True, False])
-def test_symmetry_planes_that_cut_a_magnet_have_no_edges(parallel):
-    """A quarter of a box has a quarter of its edges: at natural planes along, at fixed ones across the magnet."""
-    mesh = blocks([STEPS] * 3, {"magnet": ((-1.0, -1.0, 0.25), (0.5, 0.5, 0.75))})
-    axis = 2 if parallel else 0
-    flux = np.outer(np.eye(3)[axis], [0.0, 1.0])
-    edges, corners = found(
-        mesh,
-        lambda x: (x[[0, 1]] > 1 - 1e-9).any(axis=0) | ((x[0] < 1e-9) & (not parallel)),
-        flux=flux,
-        region=region_of(mesh, "magnet"),
-    )
-    assert length(mesh, edges) == pytest.approx(2.0 if parallel else 1.5)
-    assert_allclose(np.sort(mesh.p[2, corners]), [0.25, 0.75])
 
 
 def round_bar(rings=6, layers=4):
@@ -161,20 +124,3 @@ def test_upright_edges_are_singular_where_the_plane_is(seed):
     upright = np.ptp(mesh.p[2, edges], axis=0) > 1e-9
     assert upright.all()
     assert_array_equal(np.unique(edges % flat.nvertices), nodes)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_orders_of_nodes_and_elements_do_not_matter(seed):
-    rng = np.random.default_rng(seed)
-    for mesh, region in (box_in_air(), (bar := round_bar(3), region_of(bar, "inner"))):
-        tables = {"coefficient": [1.0, 30.0], "flux": np.outer([0.0, 0.6, 0.8], [0.0, 1.0])}
-        edges, corners = found(mesh, region=region, **tables)
-        node, element = rng.permutation(mesh.nvertices), rng.permutation(mesh.nelements)
-        p = np.empty_like(mesh.p)
-        p[:, node] = mesh.p
-        t = rng.permuted(node[mesh.t[:, element]], axis=0)
-        turned = MeshTet(p, t)
-        own, own_corners = found(turned, region=region[element], **tables)
-        assert_array_equal(own, np.unique(np.sort(node[edges], axis=0), axis=1))
-        assert_array_equal(own_corners, np.sort(node[corners]))
-        assert_array_equal(turned.t, t)

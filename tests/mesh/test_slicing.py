@@ -71,3 +71,19 @@ def test_what_is_refused():
         flat(GRID, ka.Plane((0, 0, 2), (0, 0, 5)))
     with pytest.raises(ValueError, match=r"shown in a cut: plane=ka\.Plane\(point, normal\)\. Or plot_surface"):
         flat(GRID, None)
+
+
+def test_values_that_are_linear_stay_so_and_elements_keep_theirs():
+    cut = flat(GRID, ka.Plane((0.4, 0.4, 0.4), (0.0, 1.0, 0.0)))
+    assert cut.axes == ("x", "z")
+    assert_allclose(cut.of_nodes(GRID.p[0]), cut.mesh.p[0], atol=1e-15)
+    assert_allclose(cut.of_nodes(GRID.p[2]), cut.mesh.p[1], atol=1e-15)
+    assert_allclose(cut.of_nodes(GRID.p[1]), 0.4, atol=1e-15)
+    middle, own = cut.mesh.p[:, cut.mesh.t].mean(axis=1), GRID.p[:, GRID.t[:, cut.of_elements(np.arange(384))]]
+    assert np.all(own.min(axis=1)[[0, 2]] <= middle + 1e-12) and np.all(middle <= own.max(axis=1)[[0, 2]] + 1e-12)
+
+
+def test_a_quadrilateral_has_no_diagonal_among_its_sides():
+    one = MeshTet(np.eye(4)[1:], np.arange(4)[:, None])
+    cut = flat(one, ka.Plane((0.25, 0.25, 0.0), (1.0, 1.0, 0.0)))  # two of its corners are on each side
+    assert (cut.mesh.t.shape[1], len(cut.sides), cut.mesh.facets.shape[1]) == (2, 4, 5)

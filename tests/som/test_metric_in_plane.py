@@ -59,3 +59,11 @@ def test_the_winner_is_the_nearest_node_in_the_metric_of_the_point(seed):
     squared = np.einsum("tni,tij,tnj->tn", offset, unpacked(shape), offset)
     assert_allclose(distances, np.sqrt(squared.min(axis=1)), rtol=1e-12)
     assert_allclose(squared[np.arange(count), found], squared.min(axis=1), rtol=1e-12)
+
+
+def test_a_function_may_return_tensors():
+    def tensors(x):
+        return np.tile(turned(5.0, 0.7), (x.shape[1], 1, 1)) * (1.0 + x[0])[:, None, None]
+
+    mesh = ka.relocate(MESH, tensors, topology="recycle")
+    assert ka.quality(in_metric(mesh, turned(5.0, 0.7))).mean() > 0.8

@@ -44,3 +44,12 @@ def test_pairs_match_after_every_change(world, target):
     assert ka.quality(now).min() >= 0.3
     old = done.old >= 0
     assert len(np.unique(done.old[old])) == old.sum()
+
+
+def test_growth_without_recycling_takes_nothing_away():
+    mesh = cell(6)
+    for more in (1, 2, 40):
+        movable = MovableMesh.of(mesh, Rules("flip", periodic=BOTH))
+        done = recycle_nodes(movable, np.ones(movable.nnodes), movable.nnodes + more, False)
+        assert (done.splits, done.collapses) == (more, 0)
+        assert mismatch(movable.mesh(), *MOTIONS["cell"][2][0]) < 1e-15

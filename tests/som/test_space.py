@@ -50,3 +50,8 @@ def test_stages_are_presented_where_a_schedule_has_some(topology):
     assert ka.quality(found).min() >= min(0.2, ka.quality(mesh).min()) - 1e-14
     for name in mesh.boundaries:
         assert area(found, found.boundaries[name]) == pytest.approx(area(mesh, mesh.boundaries[name]), rel=1e-12)
+
+
+def test_rounds_of_transport_are_refused():
+    with pytest.raises(ValueError, match="rounds of transport are for triangles only"):
+        ka.relocate(box(2), shell, schedule=ka.Schedule((), rounds=1))
