@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from scipy.sparse import coo_array
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask, Texts
+from kohonen_adapt.arrays import Floats, Ints, Mask, Texts
 from kohonen_adapt.display import counted, in_unit, listed_numbers
 from kohonen_adapt.geometry.held_nodes import reasons_in_plane, with_pins, without_turns
 from kohonen_adapt.geometry.plane.curves import Curves
@@ -22,7 +22,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.geometry.plane.polylines import constrained_facets
 from kohonen_adapt.geometry.rules import Rules
-from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.measures import unit_vectors
 from kohonen_adapt.mesh.motions import Pair
 from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, in_view, set_axes
 
@@ -149,12 +149,16 @@ def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, uni
     low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
     middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
     extent = np.max(high - low, axis=1)
+    every = np.arange(len(lines), dtype=np.int32)
+    before, place, after = (in_unit(unit) * outline.points_on(every, at * chains.length) for at in (0.49, 0.5, 0.51))
+    normals = unit_vectors((after - before).T[::-1]).T * [-1.0, 1.0]
+    normals *= np.where(np.sum(normals * (middle - place), axis=1) < 0.0, -1.0, 1.0)[:, None]
     taken: list[Floats] = []
     for c in sorted(labels, key=lambda c: -extent[c]):
-        at, normal = _beside(lines[c], middle)
-        if extent[c] >= LABELLED * size and all(np.any(np.abs(at - other) > ROOM * size) for other in taken):
-            _write(axes, at, normal, ", ".join(labels[c]), colours[c])
-            taken.append(at)
+        is_free = all(np.any(np.abs(place[c] - other) > ROOM * size) for other in taken)
+        if extent[c] >= LABELLED * size and is_free:
+            _write(axes, place[c], normals[c], ", ".join(labels[c]), colours[c])
+            taken.append(place[c])
 
 
 def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
@@ -166,14 +170,6 @@ def _lines_of(outline: Outline, facets: Ints) -> list[Floats]:
     chain = np.repeat(np.arange(len(stop), dtype=np.int32), np.diff(stop, prepend=0))
     fraction = (np.arange(len(chain)) - np.append(0, stop)[chain]) / parts[chain]
     return np.split(outline.points_on(chain, fraction * chains.length[chain]), stop[:-1])
-
-
-def _beside(line: Floats, towards: Floats) -> FloatsPair:
-    steps = np.append(0.0, np.cumsum(magnitude(np.diff(line, axis=0).T)))
-    at = np.array([np.interp(0.5 * steps[-1], steps, line[:, axis]) for axis in range(2)])
-    k = min(np.searchsorted(steps, 0.5 * steps[-1]), len(line) - 1)
-    normal = np.array([line[k - 1, 1] - line[k, 1], line[k, 0] - line[k - 1, 0]]) / (steps[k] - steps[k - 1])
-    return at, normal if normal @ (towards - at) >= 0.0 else -normal
 
 
 def _write(axes: Axes, at: Floats, normal: Floats, text: str, colour: str) -> None:

@@ -91,7 +91,7 @@ def plot_slice(
     >>> ax = plot_slice(mesh, ka.Plane((0.5, 0.5, 0.5), (1.0, 1.0, 0.0)), ka.quality(mesh), label="quality")
     >>> ax.figure.savefig("slice.png")
     """
-    mesh, coils = _checked(mesh)[0], listed_coils(coils)
+    mesh, coils = _checked(mesh).corners, listed_coils(coils)
     shown, axes = in_view(mesh, plane, unit), axes_of(ax, height=5.0)
     if values is None:
         number, colours, labels = _named_colours(named_sets(shown.mesh.subdomains), shown.mesh.nelements)
@@ -169,7 +169,8 @@ def plot_surface(
     >>> mesh = skfem.MeshTet().refined(2).with_boundaries({"top": lambda x: x[2] == 1.0})
     >>> plot_surface(mesh).figure.savefig("surface.png")
     """
-    (mesh, shape), coils = _checked(mesh), listed_coils(coils)
+    shape, coils = _checked(mesh), listed_coils(coils)
+    mesh = shape.corners
     if isinstance(values, str) and values not in ("boundaries", "subdomains"):
         raise ValueError(f'values must be numbers, "boundaries" or "subdomains"; got {values!r}.')
     axes, camera = axes_of(ax, height=5.0), _camera(*view)
@@ -223,13 +224,11 @@ def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tup
     return drawn, order, towards_light
 
 
-def _checked(mesh: MeshTet) -> tuple[MeshTet, Isoparametric]:
-    # the tetrahedra between the corners, and their curved edges
+def _checked(mesh: MeshTet) -> Isoparametric:
     check_kind(mesh)
     if len(mesh.p) != 3:
         raise ValueError("mesh must be a skfem.MeshTet; a mesh of triangles is drawn by draw_mesh.")
-    shape = Isoparametric(mesh)
-    return shape.corners, shape
+    return Isoparametric(mesh)
 
 
 def _values(mesh: MeshTet, values: ArrayLike) -> Floats:

@@ -105,11 +105,11 @@ def _mesh(shown: Flat, sections: Sequence[Floats], unit: str) -> dict[str, Any]:
         cut = {"edges": packed(mesh.facets[:, shown.sides].T, "u4"), "elements": packed(shown.element, "u4")}
     centre = 0.5 * (mesh.p.min(axis=1) + mesh.p.max(axis=1))
     straight, curved = straight_and_curved(mesh, outlined_facets(mesh))
-    along = mesh.nvertices + np.arange(curved[0].size).reshape(curved.shape[1:])
-    of_coils = np.concatenate([np.zeros((2, 2, 0)), *sections], axis=2)
-    points = np.hstack([mesh.p[:, : mesh.nvertices], curved.reshape(2, -1), of_coils.reshape(2, -1)])
-    ends = points.shape[1] - of_coils[0].size + np.arange(of_coils[0].size).reshape(2, -1)
-    lines = np.vstack([mesh.facets[:, straight].T, np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1), ends.T])
+    along = np.stack([curved[:, :-1], curved[:, 1:]], axis=1).reshape(2, 2, -1)
+    segments = np.concatenate([along, *sections], axis=2)
+    points = np.hstack([mesh.p[:, : mesh.nvertices], segments.reshape(2, -1)])
+    ends = mesh.nvertices + np.arange(segments[0].size).reshape(2, -1)
+    lines = np.hstack([mesh.facets[:, straight], ends]).T
     x, y = in_unit(unit) * (points - centre[:, None])
     return {
         "centre": (in_unit(unit) * centre).tolist(),
