@@ -1,7 +1,7 @@
 """Settings of a case, completed from its mesh file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from shutil import rmtree
@@ -21,7 +21,6 @@ from kohonen_adapt.io import Groups, read_groups, read_mesh
 from kohonen_adapt.io.read import curves_in_file
 from kohonen_adapt.loop.settings import PASSES, PASSES_TO_TOLERANCE
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
 from kohonen_adapt.magnetostatics.quantities.goals import Goal, VectorGoal
@@ -31,6 +30,9 @@ from kohonen_adapt.mesh.curved import corners_of, is_second_order
 from kohonen_adapt.mesh.motions import Pair
 
 __all__ = ["Case", "error_in_plane", "keys_of_space"]
+
+SHARED = ("materials", "potential", "estimator", "goal", "order")
+"""Arguments of a problem with the same meaning in the plane and in space."""
 
 OF_THREE = " of three components"
 
@@ -49,6 +51,8 @@ class Case:
         Metres per unit of the mesh file.
     base_problem
         The problem without the mesh file; `problem` is completed from the file.
+    given
+        Arguments of the problem by name.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
@@ -66,6 +70,7 @@ class Case:
     mesh: Path | Drawing
     scale: float
     base_problem: Magnetostatics | MagneticScalarPotential
+    given: dict[str, Any]
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     turn: Turn = field(default_factory=dict)
@@ -122,7 +127,7 @@ class Case:
         """
         problem = self.base_problem
         if isinstance(problem, Magnetostatics) and self.mesh_file.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
-            problem = as_scalar_potential(problem)
+            problem = _in_space(self.given)
         if isinstance(problem, MagneticScalarPotential):  # bounds need straight facets
             return replace(problem, curved=False) if self.bracket else problem
         return self._turned(self._with_points(problem))
@@ -270,25 +275,11 @@ def _check_turn(mesh: Mesh, turn: Turn) -> None:
         raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
-def as_scalar_potential(problem: Magnetostatics) -> MagneticScalarPotential:
-    """Return the problem for tetrahedra of a case that is also valid in the plane.
-
-    Raises
-    ------
-    ValueError
-        If the case has settings that are valid in the plane only.
-    """
-    default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
-    shared = ("materials", "potential", "estimator", "goal", "order")
-    pairs = {each.name: (getattr(problem, each.name), getattr(default, each.name)) for each in fields(problem)}
-    plane_only = [
-        name
-        for name, (value, expected) in pairs.items()
-        if name not in shared and not (value == expected and type(value) is type(expected))
-    ]
+def _in_space(given: Mapping[str, Any]) -> MagneticScalarPotential:
+    plane_only = [key for key in given if key not in SHARED]
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
-    return MagneticScalarPotential(**{name: getattr(problem, name) for name in shared})
+    return MagneticScalarPotential(**given)
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
@@ -303,10 +294,10 @@ def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
     return mesh.with_boundaries({name: rim})
 
 
-def keys_of_space(materials: Mapping[str, Material], given: Mapping[str, Any]) -> list[str]:
+def keys_of_space(given: Mapping[str, Any]) -> list[str]:
     vectors = {
         f"materials.{name}.{kind}": getattr(material, kind)
-        for name, material in materials.items()
+        for name, material in given["materials"].items()
         for kind in ("remanence", "coercivity")
     }
     vectors["applied_field"] = given.get("applied_field")

@@ -18,6 +18,7 @@ __all__ = [
     "TEXT",
     "VECTOR",
     "Kind",
+    "Maker",
     "Reader",
     "UnknownKeyError",
     "call_checked",
@@ -33,6 +34,9 @@ __all__ = [
 
 Reader = Callable[[Any, str], Any]
 """Function of a TOML value and the dotted key of the value, which returns the argument or raises a ValueError."""
+
+Maker = Callable[..., Any]
+"""Class or function whose arguments are the keys of a table."""
 
 LARGEST = 2**31 - 1  # of integers
 
@@ -148,7 +152,7 @@ def kind_of(annotation: Any) -> Kind | None:
     return table_of(kinds[1]) if origin is Mapping and len(kinds) == 2 else None
 
 
-def kinds_of(make: Callable[..., Any], special: Mapping[str, Reader] | None = None) -> dict[str, Reader]:
+def kinds_of(make: Maker, special: Mapping[str, Reader] | None = None) -> dict[str, Reader]:
     """Return readers for the arguments that TOML can hold, by their annotations.
 
     `special` has readers that replace those of the annotations.
@@ -176,14 +180,12 @@ def read_table(
     return {key: readers[key](value, _subkey(location, key)) for key, value in entries.items()}
 
 
-def make_from_table(
-    make: Callable[..., Any], given: Any, location: str, special: Mapping[str, Reader] | None = None
-) -> Any:
+def make_from_table(make: Maker, given: Any, location: str, special: Mapping[str, Reader] | None = None) -> Any:
     required = [name for name, each in signature(make).parameters.items() if each.default is Parameter.empty]
     return call_checked(make, read_table(given, kinds_of(make, special), location, required), location)
 
 
-def call_checked(make: Callable[..., Any], values: Mapping[str, Any], location: str) -> Any:
+def call_checked(make: Maker, values: Mapping[str, Any], location: str) -> Any:
     with locate_errors(location):
         try:
             return make(**values)
@@ -192,7 +194,7 @@ def call_checked(make: Callable[..., Any], values: Mapping[str, Any], location: 
 
 
 def make_named(
-    makers: Mapping[str, Callable[..., Any]],
+    makers: Mapping[str, Maker],
     key: str,
     given: Any,
     location: str,

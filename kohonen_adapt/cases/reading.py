@@ -143,7 +143,8 @@ def case_of(given: Options, folder: Path) -> Case:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
         raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
-    problem = _problem(values)
+    arguments = {key: value for key, value in values.items() if key == "materials" or key in {**SPACE, **PROBLEM}}
+    problem = _problem(arguments)
     options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
     mesh = values["mesh"]
@@ -155,6 +156,7 @@ def case_of(given: Options, folder: Path) -> Case:
         mesh,
         values.get("scale", 1.0),
         problem,
+        arguments,
         options,
         outputs,
         turns,
@@ -174,19 +176,15 @@ def _check_outputs(output_rtol: Any, outputs: Options, problem: Any) -> None:
         raise ValueError("outputs.goal: the goal of the case is shown under this name; rename the output.")
 
 
-def _problem(values: Options) -> Magnetostatics | MagneticScalarPotential:
+def _problem(given: Options) -> Magnetostatics | MagneticScalarPotential:
     # Cases that are valid in both dimensions are stated in the plane; `Case.problem` converts them for tetrahedra.
-    solid = keys_of_space(values["materials"], values)
-    if not solid:
-        return Magnetostatics(values["materials"], **{key: values[key] for key in PROBLEM if key in values})
-    flat = sorted(key for key in values if key in PROBLEM and key not in SPACE)
-    if flat:
+    solid = keys_of_space(given)
+    flat = sorted(key for key in given if key in PROBLEM and key not in SPACE)
+    if solid and flat:
         raise error_in_plane(
             solid, f"{', '.join(flat)} {'is' if len(flat) == 1 else 'are'} for meshes of triangles only"
         )
-    return MagneticScalarPotential(
-        values["materials"], **{key: values[key] for key in SPACE if key in values and key != "materials"}
-    )
+    return (MagneticScalarPotential if solid else Magnetostatics)(**given)
 
 
 def _table_hint(key: str, top: Mapping[str, Reader]) -> str:

@@ -18,6 +18,7 @@ from kohonen_adapt.cases.readers import (
     TEXT,
     VECTOR,
     Kind,
+    Maker,
     Reader,
     call_checked,
     list_of,
@@ -36,9 +37,9 @@ from kohonen_adapt.magnetostatics.materials.laws import Arctan, Brauer, Froehlic
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector, halbach, radial
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.flux_density_at import FluxDensityAt
-from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
-from kohonen_adapt.mesh.motions import Motion, Pair, Reflection, Rotation, Translation
+from kohonen_adapt.mesh.motions import Pair, Reflection, Rotation, Translation
 from kohonen_adapt.som.schedule import Schedule, Stage
 
 __all__ = [
@@ -63,16 +64,17 @@ __all__ = [
 
 Position = tuple[float, ...]  # two or three coordinates
 Axis = Literal["x", "y", "z"]
+Makers = dict[str, Maker]
 TRIPLE = tuple_of([NUMBER] * 3)
 
-LAWS: dict[str, Callable[..., Law]] = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
+LAWS: Makers = {"brauer": Brauer, "froehlich": Froehlich, "arctan": Arctan}
 
 
 def _parallel(magnitude: float, degrees: float) -> Vector:
     return magnitude * cos(radians(degrees)), magnitude * sin(radians(degrees))
 
 
-PATTERNS: dict[str, Callable[..., Vector]] = {"radial": radial, "halbach": halbach, "parallel": _parallel}
+PATTERNS: Makers = {"radial": radial, "halbach": halbach, "parallel": _parallel}
 
 
 def _vector(given: Any, location: str) -> Vector:
@@ -125,7 +127,7 @@ def _read(path: Path, location: str, smooth: bool = False) -> Table:
     raise ValueError(f"{location} must name a file with a table of B and H; there is none at '{path}'.")
 
 
-COILS: dict[str, Callable[..., Coil]] = {
+COILS: Makers = {
     "path": Coil,
     "circular": Coil.circular,
     "racetrack": Coil.racetrack,
@@ -222,7 +224,7 @@ def _names(given: str | list[str]) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
-QUANTITIES: dict[str, Callable[..., Quantity]] = {
+QUANTITIES: Makers = {
     "force": _force,
     "torque": _torque,
     "flux_linkage": _flux_linkage,
@@ -235,7 +237,7 @@ QUANTITIES: dict[str, Callable[..., Quantity]] = {
 }
 quantity = partial(make_named, QUANTITIES, "quantity")
 
-GOALS: dict[str, Callable[..., Goal]] = {
+GOALS: Makers = {
     "force": Force,
     "torque": Torque,
     "flux_linkage": FluxLinkage,
@@ -245,14 +247,14 @@ GOALS: dict[str, Callable[..., Goal]] = {
 goal = partial(make_named, GOALS, "quantity")
 
 
-SHAPES: dict[str, Callable[..., Arc | Line | Spline]] = {"arc": Arc, "line": Line, "spline": Spline}
+SHAPES: Makers = {"arc": Arc, "line": Line, "spline": Spline}
 OF_SPLINES: dict[str, Reader] = {
     "points": lambda given, location: np.reshape(POINTS(given, location), (-1, 2)).T,
 }
 shape = partial(make_named, SHAPES, "curve", special=OF_SPLINES)
 
 # The half angle of a cone is in radians.
-SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
+SURFACES: Makers = {
     "plane": Plane,
     "sphere": Sphere,
     "cylinder": Cylinder,
@@ -260,7 +262,7 @@ SURFACES: dict[str, Callable[..., Plane | Sphere | Cylinder | Cone]] = {
 }
 surface = partial(make_named, SURFACES, "surface")
 
-MOTIONS: dict[str, Callable[..., Motion]] = {
+MOTIONS: Makers = {
     "rotation": Rotation,
     "translation": Translation,
     "reflection": Reflection,

@@ -83,16 +83,16 @@ def write_overview(
 def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> list[str]:
     from kohonen_adapt import plotting  # needs matplotlib
 
-    unit, order = _length_unit(after), CheckedProblem(case.problem).at_grading_order.order
-    plane, axis = _plane_through(after), case.axisymmetric
+    view, order = _view(case, after), CheckedProblem(case.problem).at_grading_order.order
     slope = -order / len(after.mesh.p) * (1 if case.goal is None else 2)  # the error of a goal has twice the order
     density = density_from_indicators(before.mesh, before.indicators, order=order)
     figures = {
         PICTURE: _overview(case, before, after),
-        DENSITY: plotting.plot_density(before.mesh, density, plane=plane, unit=unit, axisymmetric=axis).figure,
+        DENSITY: plotting.plot_density(before.mesh, density, **view).figure,
         QUALITY: plotting.plot_qualities({"before": before.mesh, "after": after.mesh}).figure,
         ESTIMATE: plotting.plot_convergence({"passes": after.history}, slope=slope).figure,
     }
+    plane, unit = view["plane"], view["unit"]
     if plane is None:
         rules = _rules(case, before, after)
         figures[OUTLINES] = plotting.plot_outlines(
@@ -101,7 +101,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
             curves=rules.curves,
             periodic=rules.periodic,
             unit=unit,
-            axisymmetric=axis,
+            axisymmetric=case.axisymmetric,
         ).figure
     else:
         size, label = _magnitude(after.solution), "flux density |B| (T)"
@@ -110,7 +110,7 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
         figures[CUT] = plotting.plot_slice(after.mesh, plane, values=size, **look).figure
     for name, figure in figures.items():
         save_figure(folder / name, figure)
-    plotting.animate_passes(folder / ANIMATION, after.history, plane=plane, unit=unit, axisymmetric=axis)
+    plotting.animate_passes(folder / ANIMATION, after.history, **view)
     return [*figures, ANIMATION]
 
 
@@ -127,9 +127,7 @@ def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
         magnitude_label="flux density |B| (T)",
         indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{unit}}}}}$",
         lines_title="Flux lines" if len(after.mesh.p) == 2 else "Potential",
-        plane=_plane_through(after),
-        unit=_length_unit(after),
-        axisymmetric=case.axisymmetric,
+        **_view(case, after),
     )
 
 
@@ -152,10 +150,8 @@ def _write_report(
         cell_data={"flux density |B| (T)": _magnitude},
         indicator_label=f"error indicator of an element (√({case.problem.goal_unit or case.energy_unit}))",
         held=lambda result: _why_held(case, before, result),
-        plane=_plane_through(after),
         coils=case.coils.values(),
-        unit=_length_unit(after),
-        axisymmetric=case.axisymmetric,
+        **_view(case, after),
         pictures=pictures,
         settings={"Command": command, "Case": case.text, "Seed": str(case.adapt.get("seed", 0))},
         bracket=bracket,
@@ -211,13 +207,11 @@ def _lines_and_colours(field: Any) -> FloatsPair:
     return _potential(field, flux=field.axisymmetric, by_corners=1), _magnitude(field, field.elements.order)
 
 
-def _length_unit(result: AdaptResult) -> str:
-    return "mm" if np.ptp(result.mesh.p, axis=1).max() < MILLIMETRES else "m"
-
-
-def _plane_through(result: AdaptResult) -> Plane | None:
-    mesh = result.mesh
-    if len(mesh.p) == 2:
-        return None
-    x, y, z = centroids_of(mesh, np.argmax(_magnitude(result.solution))).tolist()
-    return Plane((x, y, z), (0.0, 1.0, 0.0))
+def _view(case: Case, result: AdaptResult) -> dict[str, Any]:
+    # arguments of drawings; solids are cut through the maximum of the flux density
+    mesh, plane = result.mesh, None
+    if len(mesh.p) == 3:
+        x, y, z = centroids_of(mesh, np.argmax(_magnitude(result.solution))).tolist()
+        plane = Plane((x, y, z), (0.0, 1.0, 0.0))
+    unit = "mm" if np.ptp(mesh.p, axis=1).max() < MILLIMETRES else "m"
+    return {"plane": plane, "unit": unit, "axisymmetric": case.axisymmetric}

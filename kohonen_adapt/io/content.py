@@ -26,6 +26,7 @@ __all__ = [
     "CellFields",
     "Content",
     "Field",
+    "GroupNames",
     "Named",
     "Rows",
     "as_value_error",
@@ -87,6 +88,10 @@ _SHAPES = {
 _TYPES = {number: (shape, nodes) for shape, types in _SHAPES.items() for number, nodes in types.items()}
 
 
+GroupNames = dict[tuple[int, int], str]
+"""Dimension and tag of physical groups to their names."""
+
+
 @dataclass(frozen=True)
 class Rows:
     """Elements of one type as a file lists them.
@@ -139,7 +144,7 @@ class Content:
 
     points: Floats
     rows: dict[int, Rows]
-    names: dict[tuple[int, int], str]
+    names: GroupNames
     missing: tuple[int, ...] = ()
     numbers: Ints = field(default_factory=lambda: np.empty(0, int))
     version: str = ""

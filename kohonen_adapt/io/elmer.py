@@ -16,6 +16,7 @@ from kohonen_adapt.files import whole_files
 from kohonen_adapt.io.content import (
     GMSH_TETRAHEDRON,
     Content,
+    GroupNames,
     Rows,
     as_value_error,
     in_space,
@@ -74,8 +75,8 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         yield number, Rows(nodes[:, GMSH_TETRAHEDRON] if kind == "510" else nodes, table[:, 1], table[:, 0])
 
 
-def _names(folder: Path, bodies: int) -> dict[tuple[int, int], str]:
-    names: dict[tuple[int, int], str] = {}
+def _names(folder: Path, bodies: int) -> GroupNames:
+    names = GroupNames()
     dimension = bodies
     for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
         if line.startswith("!"):

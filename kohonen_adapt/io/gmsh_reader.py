@@ -23,6 +23,7 @@ from kohonen_adapt.io.content import (
     CellFields,
     Content,
     Field,
+    GroupNames,
     Rows,
     as_value_error,
     indices_in,
@@ -36,6 +37,9 @@ from kohonen_adapt.io.gmsh_numbers import SIZE, Numbers
 from kohonen_adapt.io.plain_text import is_freefem, read_freefem
 
 __all__ = ["read_msh", "read_views"]
+
+OfEntities = dict[tuple[int, int], Ints]
+"""Dimension and tag of entities to their groups, with negative numbers if reversed."""
 
 HEADER_BYTES = 2**16
 """Bytes that must contain the header, read before the rest."""
@@ -87,7 +91,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
 
     missing: tuple[int, ...] = ()
     if version == "4.1":
-        groups = dict[tuple[int, int], Ints]()
+        groups = OfEntities()
         for name, of_parts in (("Entities", False), ("PartitionedEntities", True)):
             if f"\n${name}".encode() in data:
                 _entities(section(name), groups, of_parts)
@@ -105,7 +109,7 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
     return Content(points[order], rows, _names(data), missing, numbers[order], "4.1" if version == "4.1" else "2.2")
 
 
-def _names(data: bytes) -> dict[tuple[int, int], str]:
+def _names(data: bytes) -> GroupNames:
     start = data.find(b"\n$PhysicalNames")
     if start < 0:
         return {}
@@ -119,8 +123,7 @@ def _names(data: bytes) -> dict[tuple[int, int], str]:
     return names
 
 
-def _entities(section: Numbers, groups: dict[tuple[int, int], Ints], of_parts: bool) -> None:
-    # Sets the groups of entities (dimension, tag), with negative numbers if reversed.
+def _entities(section: Numbers, groups: OfEntities, of_parts: bool) -> None:
     if of_parts:
         section.integer(SIZE)
         section.ints(2 * section.integer(SIZE))  # ghosts
@@ -148,9 +151,7 @@ def _nodes_41(section: Numbers) -> tuple[Ints, Floats]:
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_41(
-    section: Numbers, groups: dict[tuple[int, int], Ints], most: int
-) -> tuple[list[Block], set[tuple[int, int]]]:
+def _elements_41(section: Numbers, groups: OfEntities, most: int) -> tuple[list[Block], set[tuple[int, int]]]:
     blocks, meshed = [], set()
     for _ in range(section.ints(4, SIZE)[0]):
         dimension, entity, kind = (section.integer() for _ in range(3))

@@ -77,17 +77,12 @@ def pass_figures(step: Pass) -> dict[str, Any]:
     values = values_of(step)
     for name in step.output_errors:
         figures |= {f"error of output {name}": values[name].error, f"corrected output {name}": values[name].corrected}
-    return figures | goal_figures(step)
-
-
-def goal_figures(step: Pass) -> dict[str, float | None]:
-    # The figures are the value, its error (None if not estimated), the corrected value, and the sum of the errors of
-    # the elements.
     if step.goal is None:
-        return {}
-    goal = values_of(step)[GOAL]
-    figures = {"goal": goal.value, "goal error": goal.error, "goal + error": goal.corrected}
-    return {with_unit(name, step): value for name, value in {**figures, "goal estimate": step.shown_estimate}.items()}
+        return figures
+    goal = values[GOAL]
+    of_goal = {"goal": goal.value, "goal error": goal.error, "goal + error": goal.corrected}
+    of_goal["goal estimate"] = step.shown_estimate  # the sum of the errors of the elements
+    return figures | {with_unit(name, step): value for name, value in of_goal.items()}
 
 
 def goal_sentence(step: Pass) -> str:

@@ -14,11 +14,12 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.display import by_error, significant
 from kohonen_adapt.loop.figures import (
     ERROR_DIGITS,
+    GOAL,
     OutputValue,
     energy_error,
     energy_norm_error,
-    goal_figures,
     values_of,
+    with_unit,
     word_for_estimate,
 )
 from kohonen_adapt.loop.passes import Pass, Passes, Status, Work
@@ -35,8 +36,7 @@ def table_columns(history: Passes) -> list[Columns]:
     return [
         [("pass", [str(step.number) for step in history])],
         _solution_columns(history),
-        *_goal_columns(history),
-        *(_columns_of_output(name, history) for name in history[0].outputs),
+        *(_columns_of(name, history) for name in [*[GOAL] * (history[0].goal is not None), *history[0].outputs]),
         _work_columns(history),
     ]
 
@@ -74,21 +74,6 @@ def _solution_columns(history: Passes) -> Columns:
     return columns
 
 
-def _goal_columns(history: Passes) -> list[Columns]:
-    if history[0].goal is None:
-        return []
-    figures = [goal_figures(step) for step in history]
-    value, error, total, _ = figures[0]  # the estimate has its column in `_solution_columns`
-    with_digits = _by_least([row[error] for row in figures])
-    return [
-        [
-            (value, _cells((row[value] for row in figures), with_digits)),
-            (error.replace("goal error", "error"), _cells((row[error] for row in figures), _of_errors)),
-            (total, _cells((row[total] for row in figures), with_digits)),
-        ]
-    ]
-
-
 _of_errors = partial(significant, digits=ERROR_DIGITS)
 
 
@@ -100,15 +85,22 @@ def _cells(values: Iterable[float | None], text: Callable[[float], str]) -> list
     return [DASH if value is None else text(value) for value in values]
 
 
-def _columns_of_output(name: str, history: Passes) -> Columns:
+def _columns_of(name: str, history: Passes) -> Columns:
     found = [values_of(step)[name] for step in history]
     values, errors = [each.value for each in found], [each.error for each in found]
     with_digits = _by_least(errors)
-    columns = [(name, _cells(values, with_digits)), ("Delta %", [DASH, *map(_output_change, values, values[1:])])]
+    shown, corrected = _cells(values, with_digits), _cells((each.corrected for each in found), with_digits)
+    if history[0].goal is not None and name == GOAL:  # the estimate has its column in `_solution_columns`
+        columns = [("goal", shown), ("error", _cells(errors, _of_errors)), ("goal + error", corrected)]
+        return [(with_unit(title, history[0]), cells) for title, cells in columns]
+    columns = [(name, shown), ("Delta %", [DASH, *map(_output_change, values, values[1:])])]
     if not any(error is not None for error in errors):
         return columns
-    relative = _cells((each.relative_error for each in found), _of_errors)
-    return [*columns, ("error %", relative), ("corrected", _cells((each.corrected for each in found), with_digits))]
+    return [
+        *columns,
+        ("error %", _cells((each.relative_error for each in found), _of_errors)),
+        ("corrected", corrected),
+    ]
 
 
 def _output_change(before: float, after: float) -> str:
