@@ -57,6 +57,7 @@ BESIDE: dict[str, Any] = {
 PALE = ListedColormap(colormaps["Blues"](np.linspace(0.0, 0.75, 256)), name="pale blues")
 
 OUTLINE = 0.9  # width of the lines around regions, in points
+MARGIN = 0.02  # around the mesh, relative to its size
 LONGEST = 50_000  # maximum number of facets in one line
 
 
@@ -250,10 +251,9 @@ def indicator_scale(*indicators: ArrayLike) -> Normalize:
 
 
 def set_axes(axes: Axes, shown: Flat) -> None:
-    low, high = shown.mesh.p.min(axis=1), shown.mesh.p.max(axis=1)
-    margin = 0.02 * np.max(high - low)
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
-    axes.set(xlabel=shown.axes[0], ylabel=shown.axes[1])
+    axes.set(aspect="equal", xlabel=shown.axes[0], ylabel=shown.axes[1])
+    axes.use_sticky_edges = False  # contours leave no margin
+    axes.margins(MARGIN)
 
 
 def draw_elements(axes: Axes, mesh: MeshTri, values: Floats, norm: Normalize, colours: Colormap) -> Collection:
