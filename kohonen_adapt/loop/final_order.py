@@ -36,21 +36,22 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
         raise RuntimeError("the passes have not ended, or no order follows.")
     tolerance, orders, high = stop.asked.estimate(best), grading.orders, grading.high
     wanted = best.estimate / tolerance if tolerance else np.inf
-    order = high.least_order(orders, wanted)
-    mesh, on_layers, remark = layered(adaptation, state, high.layers(order))
+    chosen = high.least(orders, wanted)
+    mesh, on_layers, remark = layered(adaptation, state, chosen.layers)
     if not on_layers:
-        order = high.least_order(orders, wanted, high.smooth)
+        chosen = high.least(orders, wanted, smooth=True)
     more = state.passes[-1].number < stop.passes and state.ending.status is Status.CONVERGED
     while True:
-        if more and grading.prefers_nodes(best, count_unknowns(mesh, order)):
+        if more and grading.prefers_nodes(best, count_unknowns(mesh, chosen.order)):
             return replace(state, ending=None, notes=())
-        raised = stop.at_order(at_order(adaptation, state, order, mesh, on_layers, remark))
+        raised = stop.at_order(at_order(adaptation, state, chosen.order, mesh, on_layers, remark))
         last, is_met = raised.passes[-1], raised.ending is not None and raised.ending.status is Status.CONVERGED
         is_smooth = best.estimate >= SMOOTH * last.estimate
-        if is_met or order >= orders[-1] or not tolerance or not is_smooth:
+        following = tolerance and high.after(orders, chosen, last.estimate / tolerance, bool(on_layers))
+        if is_met or not following or not is_smooth:
             break
-        order = min(orders[-1], order + (1 if last.estimate < FINER**-2 * tolerance else 2))
-        mesh, on_layers, remark = layered(adaptation, state, high.layers(order))
+        chosen = following
+        mesh, on_layers, remark = layered(adaptation, state, chosen.layers)
     allowed = stop.asked.estimate(last)
     if is_met or allowed is None or not (more and last.estimate):
         return raised

@@ -1,7 +1,8 @@
 """Tolerance of the passes at order 2 before a solve of a higher order."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
 
 from kohonen_adapt.loop.growth import predicted_nodes
 from kohonen_adapt.loop.passes import Pass
@@ -11,7 +12,22 @@ from kohonen_adapt.problem.protocol import OF_PASSES
 
 DIRECT = 0.5  # fraction of this error from which a tolerance is met by passes alone
 OF_GOAL = 10.0  # tolerance of passes for goals, as a multiple of the tolerance of the estimate
-SAFE = 0.8  # of the tolerance of passes before a higher order
+
+
+class Raise(NamedTuple):
+    """Solve of a higher order after the passes.
+
+    Attributes
+    ----------
+    order, layers
+        Order of the elements, and number of layers at corners or edges.
+    gain
+        Error at order 2 over the error of this order, on a mesh of the former error with layers.
+    """
+
+    order: int
+    layers: int
+    gain: float
 
 
 @dataclass(frozen=True)
@@ -24,10 +40,12 @@ class HighOrders:
         Relative error at order 2 of a mesh that is graded well enough for higher orders.
     enough
         Relative error up to which no pass follows: one order more takes less time than a pass that only adds nodes.
-    gains
-        Error at order 2 over the error of a higher order, on a mesh of the former error with layers.
-    orders_per_layer
-        Order of the elements, over the number of layers.
+    raises
+        Solves that may follow the passes, the quickest first.
+    aim
+        Estimate that a pass aims at, over the estimate that suffices.
+    most
+        Gain that passes count on. More nodes take less time than an order with a larger gain.
     smooth
         Power of the gains of a smooth solution, whose mesh has no layers.
     few
@@ -37,27 +55,52 @@ class HighOrders:
 
     graded: float
     enough: float
-    gains: Mapping[int, float]
-    orders_per_layer: float
-    few: float = 0.0
+    raises: tuple[Raise, ...]
+    aim: float
+    most: float = inf
     smooth: float = 1.0
+    few: float = 0.0
 
-    def gain(self, order: int) -> float:
-        return self.gains[min(order, max(self.gains))]
+    def within(self, orders: range) -> list[Raise]:
+        """Return the solves at the given orders.
 
-    def least_order(self, orders: range, wanted: float, power: float = 1.0) -> int:
-        return next((order for order in orders if self.gain(order) ** power > wanted), orders[-1])
+        A single order need not be one of the table.
+        """
+        return [each for each in self.raises if each.order in orders] or [self.raises[-1]._replace(order=orders[-1])]
 
-    def layers(self, order: int) -> int:
-        return int(order / self.orders_per_layer)
+    def after(self, orders: range, before: Raise, missing: float, on_layers: bool) -> Raise | None:
+        """Return the solve after another, None after the last.
+
+        `missing` is the estimate of the solve `before`, over the tolerance.
+        """
+        known = [each for each in self.within(orders) if each[: 1 + on_layers] > before[: 1 + on_layers]]
+        return next((each for each in known if each.gain > missing * before.gain), known[-1] if known else None)
+
+    def least(self, orders: range, wanted: float, smooth: bool = False) -> Raise:
+        """Return the quickest that gains more than `wanted`, or the last one."""
+        power, known = self.smooth if smooth else 1.0, self.within(orders)
+        return next((each for each in known if each.gain**power > wanted), known[-1])
 
 
 HIGH_ORDERS = {
-    TRIANGLE.dim: HighOrders(0.019, 0.03, {4: 8.0, 5: 17.0, 6: 34.0, 7: 60.0, 8: 100.0}, 2.0),  # C-core, 211 nodes
-    # Fichera's corner, an L-shaped edge and a magnet under iron, 110 to 980 nodes: 7.5 to 10.5, 19 to 32 and 24 to 43;
-    # a cube, 70 and 181 nodes: 19 to 26, 49 to 65 and 99 to 136. An order takes a quarter to a half of the time of the
-    # next, so that a gain that is too large costs less than one that is too small.
-    TETRAHEDRON.dim: HighOrders(0.1, 0.15, {4: 10.5, 5: 25.0, 6: 30.0}, 2.5, 6.5, 1.27),
+    TRIANGLE.dim: HighOrders(  # C-core, 211 nodes
+        graded=0.019,
+        enough=0.03,
+        raises=(Raise(4, 2, 8.0), Raise(5, 2, 17.0), Raise(6, 3, 34.0), Raise(7, 3, 60.0), Raise(8, 4, 100.0)),
+        aim=0.8,
+    ),
+    # Fichera's corner, an L-shaped edge and a magnet under iron, 110 to 980 nodes: 7.5 to 10.5, 10.5 to 12, 17 to 32
+    # and 24 to 57; a cube, 70 and 181 nodes: 19 to 26, 49 to 65 and 99 to 136. An order takes a quarter to a half of
+    # the time of the next, so that a gain that is too large costs less than one that is too small.
+    TETRAHEDRON.dim: HighOrders(
+        graded=0.075,
+        enough=0.15,
+        raises=(Raise(4, 1, 10.5), Raise(4, 2, 11.5), Raise(5, 2, 25.0), Raise(6, 2, 30.0)),
+        aim=1.1,
+        most=25.0,
+        smooth=1.27,
+        few=6.5,
+    ),
 }
 
 
@@ -97,7 +140,7 @@ class GradingTolerance:
         aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
         if tolerance > DIRECT * aim * last.energy_norm:
             return tolerance
-        return min(graded * last.energy_norm, self.high.gain(self.orders[-1]) * tolerance)
+        return min(graded * last.energy_norm, min(self.high.most, self.high.within(self.orders)[-1].gain) * tolerance)
 
     def _needs_few(self, last: Pass, tolerance: float) -> bool:
         # True if order 2 meets the tolerance with few nodes, and no higher order is prescribed
@@ -120,7 +163,7 @@ class GradingTolerance:
     def aim(self, last: Pass) -> float | None:
         # Return the estimate that passes aim at, to meet the tolerance at once.
         tolerance = self._within(last, self.high.graded)
-        return tolerance and (tolerance if tolerance == self.tolerance.estimate(last) else SAFE * tolerance)
+        return tolerance and (tolerance if tolerance == self.tolerance.estimate(last) else self.high.aim * tolerance)
 
     def lower(self, last: Pass, factor: float) -> None:
         unit = last.energy_norm if last.energy_norm is not None else self.tolerance.estimate(last)

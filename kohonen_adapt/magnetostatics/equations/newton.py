@@ -15,7 +15,7 @@ from kohonen_adapt.problem.energy import TINY, Energy
 __all__ = ["TOLERANCE", "Newton", "NewtonStep", "NotConverged", "refuse_unconverged"]
 
 TOLERANCE = 1e-8  # of the relative residual and of the relative change by all further steps
-ROUGH = 1e-6  # residual of conjugate gradients in solutions that serve differences only
+ROUGH = 1e-3  # residual of conjugate gradients in steps that serve differences only, relative to that before the step
 DESCENT = 1e-4  # fraction of the descent predicted by the slope that a step must reach (Armijo)
 LEAST_DAMPING = 2.0**-40  # least damping
 PATIENCE = 4  # steps without a new least functional

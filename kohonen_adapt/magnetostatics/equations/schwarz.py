@@ -22,11 +22,8 @@ Singles = NDArray[np.float32]
 PADDED = 16  # stars are padded to a multiple of this number of unknowns, to be multiplied together
 
 
-def added_corrections(matrix: csr_matrix, stars: Sequence[Ints], coarse: Function) -> Function:
-    """Return the preconditioner of a matrix from the rows of stars.
-
-    `coarse` returns the correction of a residual by functions of order 1.
-    """
+def added_corrections(matrix: csr_matrix, stars: Sequence[Ints]) -> Function:
+    """Return the sum of the corrections of a residual in stars, from their rows."""
     scale = 1.0 / np.sqrt(matrix.diagonal())
     scaled = csr_matrix((matrix.data * np.repeat(scale, np.diff(matrix.indptr)), matrix.indices, matrix.indptr))
     scaled.data *= scale[matrix.indices]
@@ -36,7 +33,7 @@ def added_corrections(matrix: csr_matrix, stars: Sequence[Ints], coarse: Functio
     def corrected(residual: Floats) -> Floats:
         padded = np.append(scale * residual, 0.0).astype(np.float32)
         parts = [np.matmul(inverse, padded[rows][..., None]).ravel() for rows, inverse in found]
-        return coarse(residual) + scale * np.bincount(every, np.concatenate(parts), padded.size)[:-1]
+        return np.asarray(scale * np.bincount(every, np.concatenate(parts), padded.size)[:-1])
 
     return corrected
 

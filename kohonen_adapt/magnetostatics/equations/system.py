@@ -54,9 +54,15 @@ class Solver:
         """Return the solution of a high order in space, or None if not converged."""
         if not np.isfinite(matrix.data).all():
             return None
-        csr, coarse = as_csr(matrix), self.preconditioner((prolongation.T @ matrix @ prolongation).tocsc())
-        corrected = added_corrections(csr, stars, lambda residual: prolongation @ coarse(prolongation.T @ residual))
-        return self._iterated(csr, right, corrected, MOST_WITH_STARS)
+        csr, restricted = as_csr(matrix), prolongation.T @ matrix
+        coarse, in_stars = self.preconditioner((restricted @ prolongation).tocsc()), added_corrections(csr, stars)
+
+        def corrected(residual: Floats) -> Floats:
+            change = in_stars(residual)
+            return change + prolongation @ coarse(prolongation.T @ residual - restricted @ change)
+
+        start = prolongation @ coarse(prolongation.T @ right)
+        return self._iterated(csr, right, corrected, MOST_WITH_STARS, start)
 
     def preconditioner(self, matrix: csc_array) -> Function:
         """Return the inverse of a matrix, or a cycle of multigrid if large."""
@@ -65,9 +71,11 @@ class Solver:
             return lambda residual: np.asarray(cycle @ residual)
         return factorised(matrix).solve
 
-    def _iterated(self, matrix: csr_matrix, right: Floats, preconditioner: Function, most: int) -> Floats | None:
+    def _iterated(
+        self, matrix: csr_matrix, right: Floats, preconditioner: Function, most: int, start: Floats | None = None
+    ) -> Floats | None:
         cycle = LinearOperator(matrix.shape, matvec=preconditioner, dtype=np.float64)
-        solution, _ = cg(matrix, right, rtol=self.rtol, maxiter=most, M=cycle)
+        solution, _ = cg(matrix, right, start, rtol=self.rtol, maxiter=most, M=cycle)
         return solution if self._is_solved(matrix, right, solution) else None
 
     def _is_solved(self, matrix: csr_matrix, right: Floats, solution: Floats) -> bool:
