@@ -29,7 +29,8 @@ def reasons_in_plane(movable: MovableMesh) -> list[str]:
 
     def reason(v: int) -> str:
         rows, side = np.divmod(order[start[v] : start[v + 1]], 2)
-        others, names = ends[rows, 1 - side], names_at(movable, v, chain[rows])
+        others = ends[rows, 1 - side]
+        names = names_at(movable, v, chain[rows])
         small = ""
         if movable.constraints.periodic.partner[v] >= 0:
             small = f"periodic pair on {names}, whose other node cannot slide"

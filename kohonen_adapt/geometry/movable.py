@@ -122,12 +122,16 @@ class Movable(ABC):
         return self.mesh() if self.curved else self.input_mesh
 
     def straight_mesh(self) -> Mesh:
-        mesh, used, boundaries = self.tessellation.to_mesh(), self.tessellation.used, self.input_mesh.boundaries
+        mesh = self.tessellation.to_mesh()
+        used = self.tessellation.used
+        boundaries = self.input_mesh.boundaries
         if boundaries is not None:
-            facet, part = facets_opposite(mesh, self.tessellation.elements.node[used]), self.part_of_facets[used]
+            facet = facets_opposite(mesh, self.tessellation.elements.node[used])
+            part = self.part_of_facets[used]
             found = {}
             for name, manner in self.part_names.items():
-                own, on_left = np.append(manner, 0)[part], None
+                own = np.append(manner, 0)[part]
+                on_left = None
                 e, k = np.nonzero(own)
                 if isinstance(boundaries[name], OrientedBoundary):
                     on_left = turned(own[e, k], self.are_left(used[e], k)) == LEFT
@@ -144,7 +148,8 @@ class Movable(ABC):
         return listed(found) if found else ""
 
     def subdomains_of(self, regions: Ints) -> list[str]:
-        sets, region = named_sets(self.input_mesh.subdomains), self.tessellation.region_of_input
+        sets = named_sets(self.input_mesh.subdomains)
+        region = self.tessellation.region_of_input
         return [name for name, rows in sets.items() if np.isin(regions, region[rows]).any()]
 
     def measure_by(self, shape: Floats | None) -> None:

@@ -124,7 +124,8 @@ def with_layers_at(
         try:
             made = refined_at(mesh, nodes, edges=edges, layers=layers, periodic=periodic, curves=curves)
         except FoldedLayers as error:
-            kept, apart = np.setdiff1d(nodes, error.nodes), ~np.isin(edges, error.nodes).any(axis=0)
+            kept = np.setdiff1d(nodes, error.nodes)
+            apart = ~np.isin(edges, error.nodes).any(axis=0)
             logger.info("%d corners at curves get no layers", nodes.size - kept.size)
             none = kept.size == nodes.size and apart.all()
             nodes, edges = (kept[:0], edges[:, :0]) if none else (kept, edges[:, apart])

@@ -43,7 +43,8 @@ class BoundaryTerms:
         return cls(ritz, chains, np.any([np.zeros(len(outline.straight), bool), *chains.values()], axis=0))
 
     def nodes(self, triangulation: Triangulation) -> Mask:
-        elements, found = triangulation.elements, np.zeros(triangulation.nnodes, bool)
+        elements = triangulation.elements
+        found = np.zeros(triangulation.nnodes, bool)
         found[np.concatenate(elements.ends(*sides_on(elements.chain, self.on)))] = True
         return found
 
@@ -52,7 +53,8 @@ class BoundaryTerms:
         # to the elements, and `offset` (2, 3, m) holds the midside offsets.
         total = 0.0
         for name, chains in self.chains.items():
-            sides, terms = sides_on(chain, chains), self.ritz.robin[name]
+            sides = sides_on(chain, chains)
+            terms = self.ritz.robin[name]
             total += robin_value(corners, coefficients, sides, terms, self.ritz.axisymmetric, offset)
         return total
 

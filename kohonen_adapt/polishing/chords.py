@@ -85,7 +85,8 @@ class Chords:
         return cls(outline, constants, counted, dirichlet, cut_sources(triangulation, outline, constants, counted))
 
     def moving(self, triangulation: Triangulation) -> Mask:
-        constraints, found = self.outline.constraints, np.zeros(triangulation.nnodes, bool)
+        constraints = self.outline.constraints
+        found = np.zeros(triangulation.nnodes, bool)
         slides = constraints.kind == SLIDING
         found[slides] = (self.counted & ~self.cut)[constraints.own_chain[slides]]
         return found
@@ -93,10 +94,12 @@ class Chords:
     def slivers(self, triangulation: Triangulation) -> Slivers:
         elements = triangulation.elements
         e, k = np.nonzero(on_chains(elements.chain, self.counted & ~self.dirichlet))
-        across, inwards = elements.neighbour[e, k], bends_inwards(triangulation, self.outline, e, k)
+        across = elements.neighbour[e, k]
+        inwards = bends_inwards(triangulation, self.outline, e, k)
         own = self.constants[elements.region[e]]
         there = np.where((across >= 0)[:, None], self.constants[elements.region[across]], 0.0)
-        change, rows = np.where(inwards[:, None], there - own, own), inwards | (across < 0)
+        change = np.where(inwards[:, None], there - own, own)
+        rows = inwards | (across < 0)
         e, k = e[rows], k[rows]
         return Slivers(e, k, change[rows], offsets_from_chords(triangulation, self.outline.constraints, e, k))
 
@@ -113,7 +116,8 @@ class Chords:
 
 
 def cut_sources(triangulation: Triangulation, outline: Outline, constants: Floats, counted: Mask) -> Mask:
-    elements, found = triangulation.elements, np.zeros(len(counted), bool)
+    elements = triangulation.elements
+    found = np.zeros(len(counted), bool)
     e, k = np.nonzero(on_chains(elements.chain, counted))
     across, source = elements.neighbour[e, k], constants[elements.region, 1]
     ends = source[e] != np.where(across >= 0, source[across], 0.0)
@@ -203,7 +207,8 @@ def state_of(ritz: Ritz, triangulation: Triangulation, sides: Ints) -> Floats:
     The coefficient of nonlinear material is H / b.
     """
     e = sides.ravel()
-    node, number = triangulation.elements.node[e], np.zeros(e.size, np.int64)
+    node = triangulation.elements.node[e]
+    number = np.zeros(e.size, np.int64)
     number = number if ritz.region is None else np.asarray(ritz.region)[e]
     corners = triangulation.position[node]
     gx, gy = gradients(corners, np.asarray(ritz.values)[node])  # at any order from nodal values

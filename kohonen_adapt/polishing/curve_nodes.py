@@ -64,7 +64,8 @@ def independent(of_corners: Ints, count: int) -> list[Ints]:
 def nearest_on_curves(movable: MovableMesh, curves: Mask) -> Floats:
     elements, constraints = movable.triangulation.elements, movable.constraints
     e, k = np.nonzero(on_chains(elements.chain, curves))
-    chain, ends = elements.chain[e, k], elements.ends(e, k)
+    chain = elements.chain[e, k]
+    ends = elements.ends(e, k)
     start, end = (parameters_of(movable.triangulation.position, constraints, chain, node) for node in ends)
     near = np.full(movable.nnodes, np.inf)
     for node in ends:
@@ -106,7 +107,8 @@ class Stars(NamedTuple):
         holder = np.repeat(np.arange(len(e)), last - first)
         which = np.concatenate([np.arange(a, b) for a, b in zip(first, last, strict=True)]).astype(np.int64)
         at, corner = slivers.element[which], slivers.corner[which]
-        chain, ends = elements.chain[at, corner], np.stack(elements.ends(at, corner), axis=1)
+        chain = elements.chain[at, corner]
+        ends = np.stack(elements.ends(at, corner), axis=1)
         parameter = np.stack([parameters_of(position, constraints, chain, ends[:, i]) for i in range(2)], axis=1)
         parts = list[Part]()
         for part, function in functional.parts(trial):
@@ -119,7 +121,8 @@ class Stars(NamedTuple):
         return cls(movable, parts, node, dirichlet, owner, ahead, behind, reach, holder, ends, chain, parameter)
 
     def points(self, parameter: Floats) -> Floats:
-        chains, chain = self.movable.constraints.chains, self.movable.constraints.own_chain[self.node]
+        chains = self.movable.constraints.chains
+        chain = self.movable.constraints.own_chain[self.node]
         return self.movable.outline.points_on(chain, wrapped(parameter, chains.length[chain], chains.closed[chain]))
 
     def sides(self, x: Floats) -> FloatsPair:
@@ -154,7 +157,8 @@ class Stars(NamedTuple):
             np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)
         )
         offset = self.movable.outline.points_on(self.chain, middle) - 0.5 * (start + end)
-        area, touches = segment_areas(end - start, offset), 0.5 * own.any(axis=1)
+        area = segment_areas(end - start, offset)
+        touches = 0.5 * own.any(axis=1)
         total, size = np.zeros(len(self.node)), np.zeros(len(self.node))
         changes = []
         for part in self.parts:
@@ -197,7 +201,8 @@ def energy_terms(
 
 def move_nodes(stars: Stars, near: Floats) -> float:
     movable, node = stars.movable, stars.node
-    start, short = movable.constraints.parameter[node], SHORT * near
+    start = movable.constraints.parameter[node]
+    short = SHORT * near
     now, size, changes_before = stars.evaluated(start)
     above, below = stars.evaluated(start + short)[0], stars.evaluated(start - short)[0]
     slope, second = (above - below) / (2.0 * short), np.abs(above - 2.0 * now + below) / short**2

@@ -98,7 +98,8 @@ def with_source(
     doubled, x, y = ax * by - ay * bx, share[:, 1] - 1.0 / 3.0, share[:, 2] - 1.0 / 3.0
     degree = order + SOURCE_DEGREE
     terms = np.stack([x**i * y**j for j in range(degree + 1) for i in range(degree + 1 - j)], axis=1)
-    centre, axes = corners.mean(axis=1), np.stack([by, -bx, -ay, ax]) / doubled
+    centre = corners.mean(axis=1)
+    axes = np.stack([by, -bx, -ay, ax]) / doubled
     return np.concatenate([constants.T, centre, axes, np.linalg.pinv(terms) @ sampled]).T.copy()
 
 
@@ -125,7 +126,8 @@ def hold_unpaired(solution: TrialFunction, ritz: Ritz, triangulation: Triangulat
 
 
 def signs_of_chains(ritz: Ritz, outline: Outline) -> Floats:
-    sign, chains = np.zeros(len(outline.constraints.chains.length)), outline.constraints.chains
+    sign = np.zeros(len(outline.constraints.chains.length))
+    chains = outline.constraints.chains
     for names, times in ritz.signs.items():
         for name in names:
             sign[(outline.names[name] != 0) & chains.paired] = times

@@ -34,7 +34,8 @@ def recycle_by_energy(
     # Curve segments on which nodes are held keep their nodes.
     n = movable.nnodes
     surgery = Surgery.on(movable, np.ones(n), n, recycled)
-    mesh, offers = surgery.mesh, offers_of(movable, functional, trial.fixed, surgery.mesh)
+    mesh = surgery.mesh
+    offers = offers_of(movable, functional, trial.fixed, surgery.mesh)
     spacious = with_spare_rows(trial, len(mesh.position), len(mesh.elements.node))
     loops = functional.loops(movable, spacious, mesh)
     most = compute_gains(loops, mesh, offers)
@@ -49,7 +50,8 @@ def recycle_by_energy(
 
 
 def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: OpenMesh) -> Offers:
-    n, m = movable.nnodes, len(movable.triangulation.elements.node)
+    n = movable.nnodes
+    m = len(movable.triangulation.elements.node)
     is_open = ~functional.held
     if functional.ritz.order == 1:
         is_open &= ~functional.dirichlet

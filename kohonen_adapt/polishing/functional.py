@@ -39,7 +39,7 @@ from kohonen_adapt.polishing.energy_tables import (
     laws_of_regions,
     numbers_of_regions,
 )
-from kohonen_adapt.polishing.loops import Function, Loops
+from kohonen_adapt.polishing.loops import Loops
 from kohonen_adapt.polishing.stationarity_in_plane import check_in_plane
 from kohonen_adapt.problem.functional_value import steepest, value_on
 from kohonen_adapt.problem.ritz import Ritz, check_matches, parts_of
@@ -128,7 +128,8 @@ class Functional:
         if not rest:
             return primal
         (dual,) = rest
-        solution, comparable = primal.solution._replace(dual=dual.solution), primal.comparable and dual.comparable
+        solution = primal.solution._replace(dual=dual.solution)
+        comparable = primal.comparable and dual.comparable
         held = primal.held | dual.held
         return replace(primal, solution=solution, held=held, comparable=comparable, dual=dual, share=ritz.share)
 
@@ -156,7 +157,8 @@ class Functional:
         solution = solution_on(ritz, triangulation, mesh, general)
         hold_unpaired(solution, ritz, triangulation, outline)
         values, fixed, modes = solution.values, solution.fixed, solution.modes
-        kind, count = outline.constraints.kind, len(outline.constraints.chains.length)
+        kind = outline.constraints.kind
+        count = len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
         whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
         partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
@@ -171,7 +173,8 @@ class Functional:
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
         dirichlet = (whole & ~bare) | partly
         number = numbers_of_regions(ritz, triangulation.elements.region)
-        boundary, paired = BoundaryTerms.of(ritz, outline), outline.constraints.chains.paired
+        boundary = BoundaryTerms.of(ritz, outline)
+        paired = outline.constraints.chains.paired
         held = ~outline.straight | (dirichlet & ~linear) | (whole & bare) | boundary.on | paired
         largest = steepest(mesh, ritz) if any(ritz.laws) else 0.0
         law, tables = laws_of_regions(ritz, number, largest)
@@ -206,8 +209,10 @@ class Functional:
         return [(self, trial)] if self.dual is None or trial.dual is None else [(self, trial), (self.dual, trial.dual)]
 
     def value(self, triangulation: Triangulation, trial: TrialFunction, offsets: Floats | None = None) -> float:
-        node, corners = triangulation.elements.node, triangulation.position.T[:, triangulation.elements.node.T]
-        offset, total = None if offsets is None else offsets.T, 0.0
+        node = triangulation.elements.node
+        corners = triangulation.position.T[:, triangulation.elements.node.T]
+        offset = None if offsets is None else offsets.T
+        total = 0.0
         for part, own in self.parts(trial):
             coefficients = local_coefficients(own.values[node], own.modes).T
             total += value_on(corners, coefficients, part.number[triangulation.elements.region], part.ritz, offset)
@@ -228,10 +233,11 @@ class Functional:
         trials = self.trials(movable.triangulation, trial)
         rows = len(mesh.elements.node)
         shapes = None if trial.affine else shapes_of(self.ritz, movable.midside_offsets(), rows)
-        return Loops(Function(mesh, trials, trial.all_modes, shapes), self.ritz.order, movable.polish_floor)
+        return Loops(mesh, trials, trial.all_modes, shapes, self.ritz.order, movable.polish_floor)
 
     def trial(self, triangulation: Triangulation, values: Floats, fixed: Mask) -> Trial:
-        law, nonlinear = self.law[triangulation.elements.region], np.zeros(len(values), bool)
+        law = self.law[triangulation.elements.region]
+        nonlinear = np.zeros(len(values), bool)
         nonlinear[triangulation.elements.node[law >= 0]] = True
         laws = Laws(law, self.tables.first, self.tables.energy)
         return Trial(values, fixed, self.on_chain, self.of_elements(triangulation), nonlinear, laws)

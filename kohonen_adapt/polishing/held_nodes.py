@@ -91,7 +91,8 @@ def held_by_polish_in_space(movable: MovableSolid, functional: SolidFunctional) 
 
 
 def polish_reasons_in_space(movable: MovableSolid, functional: SolidFunctional) -> list[str]:
-    freedom, found = movable.freedom, [""] * movable.nnodes
+    freedom = movable.freedom
+    found = [""] * movable.nnodes
     for v in np.flatnonzero(held_by_polish_in_space(movable, functional)).tolist():
         if freedom.number[v] == INSIDE:
             found[v] = "Dirichlet value inside the mesh"

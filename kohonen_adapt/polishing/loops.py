@@ -3,8 +3,6 @@
 Functions that are affine on every element have loops in closed form, which are several times faster.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from kohonen_adapt.arrays import Int32s, Ints, Mask
@@ -14,50 +12,46 @@ from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
 from kohonen_adapt.mesh.elements.polynomials import quadrature_points, reference
 from kohonen_adapt.polishing.elements import min_per_thread, without_modes
 
-__all__ = ["Function", "Loops"]
+__all__ = ["Loops"]
 
 NO_SHAPES = Shapes(np.empty((0, 3, 2)), np.empty(0, bool), False)
-
-
-class Function(NamedTuple):
-    """Function on a mesh with the functional to minimise.
-
-    Attributes
-    ----------
-    mesh
-        Mesh of the loops. For recycling it has the arrays of the open mesh.
-    trials
-        Primal and dual function with their functionals.
-    modes
-        Coefficients of sides and bubbles, of the primal and of the dual function. Empty if affine.
-    shapes
-        Element shapes, None for an affine function.
-    """
-
-    mesh: KernelMesh
-    trials: Trials
-    modes: tuple[Modes, ...]
-    shapes: Shapes | None
 
 
 class Loops:
     """Loops on a function of one order, with scratch for every thread.
 
-    `floor` is the minimum quality after a change, and `few` the minimum number of elements per thread.
+    Attributes
+    ----------
+    few
+        Minimum number of elements per thread.
     """
 
-    def __init__(self, function: Function, order: int, floor: float) -> None:
-        self.function, self.order, self.floor = function, order, floor
+    def __init__(
+        self,
+        mesh: KernelMesh,
+        trials: Trials,
+        modes: tuple[Modes, ...],
+        shapes: Shapes | None,
+        order: int,
+        floor: float,
+    ) -> None:
+        """Collect the arguments of the loops.
+
+        `mesh` has the arrays of the open mesh for recycling. `trials` are the primal and the dual function with their
+        functionals, and `modes` their coefficients of sides and bubbles, empty if affine. `shapes` are None for an
+        affine function. `floor` is the minimum quality after a change.
+        """
+        self.star, self.floor = mesh.star, floor
         self.few = min_per_thread(order)
-        self.higher = WITHOUT if function.shapes is None else WITH
+        self.higher = WITHOUT if shapes is None else WITH
+        functions = reference(order), quadrature_points(order), shapes or NO_SHAPES
+        self.function = mesh, trials, modes or (without_modes(0),), functions
         self.scratches = dict[int, Descents]()
 
     def scratch(self, thread: int) -> Descents:
-        mesh, trials, modes, shapes = self.function
-        most = int(np.diff(mesh.star.start).max())
+        most = int(np.diff(self.star.start).max())
         if thread not in self.scratches or len(self.scratches[thread].primal.block.dof) < most:
-            functions = reference(self.order), quadrature_points(self.order), shapes or NO_SHAPES
-            self.scratches[thread] = Descents.of(mesh, trials, modes or (without_modes(0),), functions)
+            self.scratches[thread] = Descents.of(*self.function)
         return self.scratches[thread]
 
     def descend_nodes(self, thread: int, nodes: Int32s) -> float:

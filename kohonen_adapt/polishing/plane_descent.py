@@ -69,7 +69,8 @@ class PlaneDescent:
         # which the kernels do not include.
         if not self.functional.is_approximate:
             return self, sweep(self.movable, self.functional, self.trial, sweeps, swap_first)
-        total, value = 0.0, self.current_value()
+        total = 0.0
+        value = self.current_value()
         interval = RESAMPLE_SOURCE if self.functional.has_varying_source else RESAMPLE
         for done in range(0, sweeps, interval):
             ways = dict.fromkeys([(swap_first and not done, True), (False, True), (False, False)])
@@ -89,7 +90,8 @@ class PlaneDescent:
     def descend_sampled(self, before: float, sweeps: int, swap_first: bool, flips: bool) -> tuple[float, float]:
         # Returned are the decrease and the new functional.
         movable, functional, trial = self.movable, self.functional, self.trial
-        state, old = {name: array.copy() for name, array in movable.state().items()}, trial.copy()
+        state = {name: array.copy() for name, array in movable.state().items()}
+        old = trial.copy()
         gain = sweep(movable, functional, trial, sweeps, swap_first, flips)
         gain += descend_curves(movable, functional, trial)
         after = self.value()
@@ -137,7 +139,9 @@ def sweep(
 ) -> float:
     # Edges are flipped after the nodes of every sweep. With `swap_first` they are also flipped before the first
     # sweep, so that useless nodes are detected earlier.
-    gain, tri, kinds = 0.0, movable.triangulation, functional.kinds(movable.outline, trial.fixed)
+    gain = 0.0
+    tri = movable.triangulation
+    kinds = functional.kinds(movable.outline, trial.fixed)
     constraints = movable.constraints._replace(kind=kinds)
     # values of pairs, on Robin boundaries and on chords stay, because their stars are not the whole functional
     excluded = functional.boundary.nodes(tri) | functional.chords.moving(tri) | (constraints.periodic.partner >= 0)

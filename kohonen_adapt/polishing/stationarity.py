@@ -60,9 +60,11 @@ def derivatives_on(
 
 def check_in_space(ritz: Ritz, mesh: MeshTet) -> None:
     number, nodal, fixed = numbers_of(ritz, mesh), nodal_terms(ritz.surface), np.asarray(ritz.fixed)
-    unknowns, place = mesh.t, mesh.p.T[: mesh.nvertices]
+    unknowns = mesh.t
+    place = mesh.p.T[: mesh.nvertices]
     if ritz.order > 1:
-        unknowns, middle = unknowns_of_elements(mesh, mesh.t), mesh.p[:, mesh.edges].mean(axis=1).T
+        unknowns = unknowns_of_elements(mesh, mesh.t)
+        middle = mesh.p[:, mesh.edges].mean(axis=1).T
         place = np.vstack([place, middle])
     corners, coefficients = corner_positions(mesh), coefficients_on(mesh, ritz, number)
     parts = derivatives_on(corners, coefficients, number, ritz, offsets_on(mesh, ritz))

@@ -30,7 +30,8 @@ def check_in_plane(
         With the largest residual and its location.
     """
     elements, values = movable.triangulation.elements, solution.values
-    node, corners = elements.node, movable.triangulation.position.T[:, elements.node.T]
+    node = elements.node
+    corners = movable.triangulation.position.T[:, elements.node.T]
     coefficients, offset = local_coefficients(values[node], solution.modes).T, movable.midside_offsets().T
     parts = derivatives_on(corners, coefficients, numbers_of(ritz, mesh), ritz, offset)
     for places, matrix, load in boundary.terms(elements.chain, corners, offset):
@@ -41,7 +42,8 @@ def check_in_plane(
     turn = np.ones(coefficients.shape)
     turn[6:9] = np.where(node[:, AFTER] < node[:, BEFORE], 1.0, -1.0).T[: max(0, min(3, len(turn) - 6))]
     total, size = sums(parts._replace(total=turn * parts.total), index, len(place))
-    free, paired = np.ones(len(place), bool), movable.constraints.chains.paired
+    free = np.ones(len(place), bool)
+    paired = movable.constraints.chains.paired
     free[: len(values)] = ~solution.fixed & (movable.constraints.periodic.partner < 0)
     if solution.modes is not None:
         e, k = np.nonzero(solution.modes.dirichlet | ((elements.chain >= 0) & np.append(paired, False)[elements.chain]))
@@ -64,7 +66,8 @@ def unknowns_of(mesh: Mesh, node: Ints, functions: int) -> tuple[Ints, Floats]:
     corners = mesh.p.T[node]
     count = len(places[0])
     if functions > 3:
-        facet, ends = facets_opposite(mesh, node), mesh.p[:, mesh.facets].mean(axis=1).T
+        facet = facets_opposite(mesh, node)
+        ends = mesh.p[:, mesh.facets].mean(axis=1).T
         for _ in range(3, min(functions, 9), 3):
             columns.append(count + facet)
             places.append(ends)

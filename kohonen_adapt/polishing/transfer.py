@@ -61,7 +61,8 @@ class InputSolution:
         self.kind = kinds_of(functional.ritz, before.triangulation)
         self.curved: CurvedElements | None = None
         if before.curved:
-            elements, offsets = self.triangulation.elements, before.midside_offsets()
+            elements = self.triangulation.elements
+            offsets = before.midside_offsets()
             self.curved = CurvedElements(
                 self.triangulation.position.T, elements.node.T, offsets.transpose(2, 1, 0), elements.neighbour.T
             )
@@ -125,7 +126,8 @@ def places_inside(movable: MovableMesh, order: int) -> FloatsPair:
 
     The nodes of a side are ordered counter-clockwise.
     """
-    corners, along = movable.triangulation.position[movable.triangulation.elements.node], np.arange(1, order) / order
+    corners = movable.triangulation.position[movable.triangulation.elements.node]
+    along = np.arange(1, order) / order
     on_sides, centroids = places_on_sides(corners, order), corners.mean(axis=1)
     if movable.curved:
         offsets = movable.midside_offsets()

@@ -106,7 +106,8 @@ def equidistributing(mesh: Mesh, values: Floats, order: int, norm: str) -> Float
     values = np.ldexp(values, -np.frexp(values.max())[1])  # or the median of huge values overflows
     median = np.median(values) or np.median(values[values > 0])
     eta = np.maximum(values, QUIET * median) / values.max()
-    d, q = cell_of(mesh).dim, 2 * order if norm == "energy" else 2 * order + 2
+    d = cell_of(mesh).dim
+    q = 2 * order if norm == "energy" else 2 * order + 2
     density = (eta**2 / (sizes / sizes.max()) ** (1 + 2 * order / d)) ** (d / (d + q))
     return density * (mesh.nvertices / np.sum(sizes * density))
 

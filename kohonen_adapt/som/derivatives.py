@@ -84,7 +84,8 @@ def derivatives_at_sites(points: Floats, sites: Sites, values: Floats, degree: i
 
 
 def neighbours_of_sites(sites: Sites) -> csr_array:
-    corner, count = sites.corner, len(sites.node)
+    corner = sites.corner
+    count = len(sites.node)
     row, column = np.repeat(corner, len(corner), axis=0).ravel(), np.tile(corner, (len(corner), 1)).ravel()
     return csr_array((np.ones(row.size, np.float32), (row, column)), shape=(count, count))
 
@@ -97,7 +98,8 @@ def batches(patch: csr_array, unknowns: int) -> Iterator[tuple[Ints, Ints, Float
     for number in np.unique(width[size >= unknowns]):
         rows = np.flatnonzero((width == number) & (size >= unknowns))
         for part in np.array_split(rows, rows.size * int(number) * unknowns // BATCH + 1):
-            count, place = size[part, None], np.arange(number)
+            count = size[part, None]
+            place = np.arange(number)
             members = patch.indices[patch.indptr[part, None] + np.minimum(place, count - 1)]
             yield part, members, np.where(place < count, 1.0 / count, 0.0)
 
@@ -108,7 +110,8 @@ def fitted(offset: Floats, values: Floats, weights: Floats, degree: int) -> tupl
     spread = np.swapaxes(offset, 1, 2) @ (weights[..., None] * offset)
     spread += RIDGE * np.trace(spread, axis1=1, axis2=2)[:, None, None] * np.eye(dim)
     unit = np.linalg.inv(np.linalg.cholesky(spread))
-    local, powers = offset @ np.swapaxes(unit, 1, 2), monomials(dim, degree)
+    local = offset @ np.swapaxes(unit, 1, 2)
+    powers = monomials(dim, degree)
     # The norm of the inverse is the same in all directions, because these monomials are orthonormal as tensors.
     scale = np.sqrt([factorial(len(axes)) / repeated(axes) for axes in powers])
     basis = np.stack([np.prod(local[..., list(axes)], axis=-1) for axes in powers], axis=-1) * scale

@@ -177,7 +177,8 @@ class KohonenMap:
         5
         """
         check_training(schedule, seed)
-        schedule, trainer = self._schedule_without_sweeps(schedule), self._trainer
+        schedule = self._schedule_without_sweeps(schedule)
+        trainer = self._trainer
         find, rng = self._finder(), np.random.default_rng(seed)
         if not callable(points):
             given = self._located(find, points, weights)
@@ -191,11 +192,14 @@ class KohonenMap:
         return trainer.learn(draw, schedule, rng)
 
     def _finder(self) -> Finder:
-        movable, region = self._movable, self._trainer.neurons.elements.region.copy()
+        movable = self._movable
+        region = self._trainer.neurons.elements.region.copy()
         if isinstance(movable, MovableSolid):
-            has_curves, locator = False, Locator(movable.tetrahedralization)
+            has_curves = False
+            locator = Locator(movable.tetrahedralization)
         else:
-            has_curves, locator = movable.curved, Locator(movable.triangulation)
+            has_curves = movable.curved
+            locator = Locator(movable.triangulation)
 
         def find(rows: Floats) -> tuple[Int32s, Int32s]:
             element = find_elements(self.mesh, rows.T) if has_curves else locator.find(rows)

@@ -62,7 +62,8 @@ def recycle_nodes(
     if movable.constraints.chains.paired.any():
         row, density, done = recycled_pairs(movable, density, target, pairs, done)
         longest = None if longest is None else np.where(row >= 0, longest[row], 0.0)
-    missing, turns = target - movable.nnodes, TURNS if pairs and movable.in_metric else 0
+    missing = target - movable.nnodes
+    turns = TURNS if pairs and movable.in_metric else 0
     surgery = Surgery.on(movable, density, max(target, movable.nnodes), done, movable.relief)
     if longest is not None:
         limits = surgery.mesh.origins.longest[: movable.nnodes]
@@ -131,7 +132,8 @@ def turn(mesh: OpenMesh, floor: float, nodes: int) -> tuple[int, int]:
 def misfits(mesh: OpenMesh, target: int) -> float:
     # fraction of edges whose squared length differs from the desired one by more than `RATIO`
     node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
-    a, b = node, np.roll(node, 1, axis=1)
+    a = node
+    b = np.roll(node, 1, axis=1)
     length = squared_lengths(mesh, a, b) / desired_length(mesh, target)
     return float(np.mean((length > RATIO) | (length < 1.0 / RATIO)))
 
@@ -182,11 +184,14 @@ def facets_of_pairs(mesh: OpenMesh) -> Facets:
     elements, position, periodic = mesh.elements, mesh.position, mesh.constraints.periodic
     on_pairs = np.append(mesh.constraints.chains.paired, False)[elements.chain]
     e, k = np.nonzero(on_pairs & (elements.node[:, :1] >= 0))
-    ends, chain = np.stack(elements.ends(e, k), axis=1), elements.chain[e, k]
+    ends = np.stack(elements.ends(e, k), axis=1)
+    chain = elements.chain[e, k]
     nodes = np.unique(ends)
-    tree, near = cKDTree(position[nodes]), SAME * float(np.ptp(position[nodes], axis=0).max())
+    tree = cKDTree(position[nodes])
+    near = SAME * float(np.ptp(position[nodes], axis=0).max())
     key = keys_of_facets(ends, len(position))
-    order, parts = np.argsort(key), []
+    order = np.argsort(key)
+    parts = []
     for m in range(0, len(periodic.motions), 2):
         turn, shift = periodic.motions[m, :, :2], periodic.motions[m, :, 2]
         distance, found = tree.query(position[ends] @ turn.T + shift)
@@ -252,7 +257,8 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
     slides = (constraints.kind[v] == SLIDING) & (constraints.own_chain[v] == chain)
     if not slides.all() or periodic.partner[v[0]] != v[1] or periodic.partner[v[1]] != v[0]:
         return -1.0
-    around, stars = interpreted(gather_around), []
+    around = interpreted(gather_around)
+    stars = []
     for node in v.tolist():
         rows = mesh.scratch.around[: around(mesh, node, mesh.scratch.around)]
         stars.append(set(mesh.elements.node[rows].ravel().tolist()))
@@ -266,7 +272,8 @@ def merged_quality(mesh: OpenMesh, v: Ints, w: Ints, chain: Ints, longest: float
 
 
 def split_long(mesh: OpenMesh, facets: Facets, longest: float, floor: float, available: int) -> int:
-    length, count = lengths(mesh, facets), 0
+    length = lengths(mesh, facets)
+    count = 0
     find, middle, may, make = (interpreted(loop) for loop in (find_edge, midpoint, may_split, split))
     periodic = mesh.constraints.periodic
     for i in np.argsort(-length, kind="stable"):

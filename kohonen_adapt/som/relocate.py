@@ -69,7 +69,8 @@ def move(
     recycling the number does not decrease. If `recycles` is False, "recycle" as `topology` means that recycling was
     done before. `longest` is the argument of `recycle_nodes`.
     """
-    before, pairs = movable.copy(), recycles and topology == "recycle"
+    before = movable.copy()
+    pairs = recycles and topology == "recycle"
     target = nodes if nodes and pairs else max(nodes, movable.nnodes)
     recycled = unchanged(before.triangulation)
     starts = None
@@ -158,7 +159,8 @@ def move_in_space(
     rng: Generator,
     nodes: int = 0,
 ) -> Moved[MovableSolid]:
-    before, sweeps = movable.copy(), None if schedule is None else schedule.sweeps
+    before = movable.copy()
+    sweeps = None if schedule is None else schedule.sweeps
     refused = np.zeros(2, np.int64)
     wanted = density_of(before.tetrahedralization, density)
     movable.measure_by(wanted.nodal_shapes())
@@ -174,7 +176,8 @@ def move_in_space(
 
 
 def starts_in_space(before: MovableSolid, now: MovableSolid) -> Ints:
-    middle, old = before.tetrahedralization.centroids(), before.tetrahedralization.elements.region
+    middle = before.tetrahedralization.centroids()
+    old = before.tetrahedralization.elements.region
     node, region = now.tetrahedralization.elements.node, now.tetrahedralization.elements.region
     starts = np.empty(len(middle), np.int32)
     for number in range(int(old.max()) + 1):
@@ -198,10 +201,12 @@ def rearrange(
     `nodes` is the final number of nodes, 0 for the present number; without recycling the number does not decrease. The
     moves that the quality and the reach refuse are added to `refused`, shape (2,).
     """
-    pairs, target = topology == "recycle", nodes or movable.nnodes
+    pairs = topology == "recycle"
+    target = nodes or movable.nnodes
     target = target if pairs else max(target, movable.nnodes)
     movable.project_nodes()
-    opened, swaps = OpenSolid.of(movable, density.at_nodes(), target), swaps and movable.flips
+    opened = OpenSolid.of(movable, density.at_nodes(), target)
+    swaps = swaps and movable.flips
     if swaps:
         opened.swap()
     splits = collapses = 0
@@ -222,7 +227,8 @@ def rearrange(
 
 
 def exchange(opened: OpenSolid, floor: float, swaps: bool, target: int, ratio: float) -> tuple[int, int]:
-    mesh, rows = opened.mesh, 2 * len(opened.mesh.elements.node)
+    mesh = opened.mesh
+    rows = 2 * len(opened.mesh.elements.node)
     heaps = Heap.of(rows), Heap.of(rows)
     splits = collapses = 0
     for _ in range(ROUNDS):
@@ -230,7 +236,7 @@ def exchange(opened: OpenSolid, floor: float, swaps: bool, target: int, ratio: f
         at_first, finished = splits, False
         while not finished:
             missing = target - len(opened.nodes())
-            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, cubed(floor), PAIRS)
+            more, fewer, finished = recycle(mesh, opened.queue, *heaps, missing, ratio, floor**3, PAIRS)
             splits, collapses = splits + more, collapses + fewer
         if ratio < np.inf and splits - at_first > MIXED * len(mesh.position):  # without this nodes keep their numbers
             opened.renumber()
@@ -251,7 +257,7 @@ def fill(opened: OpenSolid, heaps: tuple[Heap, Heap]) -> None:
 def smooth(opened: OpenSolid, density: Density, sweeps: int, movable: MovableSolid) -> Ints:
     parts, refused = opened.parts(), np.zeros(2, np.int64)
     for _ in range(sweeps):
-        refused += sweep(opened, parts, weights(opened, density), cubed(movable.floor))
+        refused += sweep(opened, parts, weights(opened, density), movable.floor**3)
         if movable.flips:
             opened.queue_worse()
             opened.swap()
@@ -259,14 +265,16 @@ def smooth(opened: OpenSolid, density: Density, sweeps: int, movable: MovableSol
 
 
 def weights(opened: OpenSolid, density: Density) -> Floats:
-    node, weight = opened.mesh.elements.node, np.zeros(len(opened.mesh.elements.node))
+    node = opened.mesh.elements.node
+    weight = np.zeros(len(opened.mesh.elements.node))
     used = np.flatnonzero(node[:, 0] >= 0)
     weight[used] = density.means(opened.mesh.position[node[used]]) ** POWER
     return weight
 
 
 def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints:
-    mesh, star = opened.mesh, opened.star()
+    mesh = opened.mesh
+    star = opened.star()
     constraints = Constraints(mesh.freedom, mesh.surfaces, mesh.freedom.number == INSIDE, mesh.metric)
     neurons = KernelMesh(mesh.position, mesh.elements, star, constraints)
     refused = np.zeros((number_of_threads(), 2), np.int64)
@@ -277,10 +285,6 @@ def sweep(opened: OpenSolid, parts: Parts, weight: Floats, floor: float) -> Ints
 
     parts.sweep(star, task)
     return refused.sum(axis=0)
-
-
-def cubed(floor: float) -> float:
-    return floor**3
 
 
 def report_sagitta(before: Movable, now: Movable) -> None:

@@ -137,7 +137,8 @@ class Trainer:
 
     def epoch(self, stage: Stage, rate: float, shown: Draw, slot: Ints, winners: Ints, rng: Generator) -> float:
         # The search for a point starts from the entry of `winners` at its `slot`; the winner replaces the entry.
-        number, total = len(slot), 0.0
+        number = len(slot)
+        total = 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
         parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
         is_valid, interior = self._valid_stars(), self._interior_nodes(parts, rings)
@@ -224,7 +225,8 @@ class Trainer:
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
     def _teach(self, stage: Stage, rate: float, batch: Draw, winners: Ints, is_valid: Mask, cuts: Ints) -> None:
-        floor, strength = self.movable.floor, stage.strength()
+        floor = self.movable.floor
+        strength = stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
             part, ends = slice(first, last), np.empty(stage.radius + 2, np.int64)
@@ -250,7 +252,8 @@ def parts_for(neurons: int, rings: int, dim: int) -> int:
     # A cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to side. The
     # number p is the largest for which strips of `rings` on both sides of the cuts have at most `STRIPS` n nodes, and
     # for which parts have at least `LEAST` nodes.
-    parts, row = 1, neurons ** (1.0 / dim)
+    parts = 1
+    row = neurons ** (1.0 / dim)
     while 2 * parts * LEAST <= neurons and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1) <= STRIPS * row:
         parts *= 2
     return parts

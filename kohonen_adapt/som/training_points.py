@@ -81,7 +81,8 @@ class Density:
 
         `corners` has shape (m, d + 1, d).
         """
-        means, most = np.empty(len(corners)), AT_ONCE // len(self.shares)
+        means = np.empty(len(corners))
+        most = AT_ONCE // len(self.shares)
         for first in range(0, len(corners), most):
             points = np.einsum("qk,mkd->qmd", self.shares, corners[first : first + most])
             values = self.at(points.reshape(-1, points.shape[-1]))
@@ -106,7 +107,8 @@ class Density:
         return mean_shapes(mean / share.sum(axis=1, keepdims=True))
 
     def at_nodes(self) -> Floats:
-        node, values = self.elements.node, self.masses / self.sizes
+        node = self.elements.node
+        values = self.masses / self.sizes
         return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
     def draw(self, number: int, rng: Generator) -> Draw:
@@ -147,7 +149,8 @@ class ElementDensity(Density):
     @cached_property
     def _logs(self) -> Floats:
         # of the mean densities around corners, each within its region, (m, d + 1)
-        node, count = self.elements.node, int(self.elements.region.max()) + 1
+        node = self.elements.node
+        count = int(self.elements.region.max()) + 1
         site, of_corner = np.unique(node.astype(np.int64) * count + self.elements.region[:, None], return_inverse=True)
         of_corner = of_corner.ravel()
         mass, size = (

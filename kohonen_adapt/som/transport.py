@@ -149,14 +149,16 @@ class Transport:
         return moves[0]
 
     def _reach(self, move: Floats) -> float:
-        tri, ratio = self.movable.triangulation, np.empty(self.movable.nnodes)
+        tri = self.movable.triangulation
+        ratio = np.empty(self.movable.nnodes)
         cuts = even_cuts(tri.nnodes, LIGHT)
         shared(lambda _, *rows: measure_moves(tri.position, tri.star, move, *rows, ratio), cuts)
         return float(np.quantile(ratio, 0.99))
 
     def _take(self, step: "Step", move: Floats, fraction: float, rings: int) -> None:
         tri, constraints = self.movable.triangulation, self.movable.constraints
-        cuts, ends = even_cuts(tri.nnodes, LIGHT), (step.target, step.parameter)
+        cuts = even_cuts(tri.nnodes, LIGHT)
+        ends = (step.target, step.parameter)
         shared(lambda _, *rows: propose_step(tri.position, constraints, move, fraction, *rows, *ends), cuts)
         self._mend(step, rings)
         shared(lambda _, *rows: accept_step(tri.position, constraints, *ends, *rows), cuts)
@@ -206,7 +208,8 @@ class Step(NamedTuple):
 
     @classmethod
     def of(cls, triangulation: Triangulation, constraints: Constraints) -> "Step":
-        n, m = triangulation.nnodes, len(triangulation.elements.node)
+        n = triangulation.nnodes
+        m = len(triangulation.elements.node)
         return cls(
             np.empty((n, 2)),
             constraints.parameter.copy(),
@@ -250,7 +253,8 @@ def potential(links: csr_array, inflow: Floats) -> Floats:
     total = links.sum(axis=0)
     total[total == 0.0] = 1.0
     # the potential is determined except for a constant, which a small leakage fixes
-    matrix, options = csc_array(diags_array(total * (1.0 + LEAKAGE)) - links), {"SymmetricMode": True}
+    matrix = csc_array(diags_array(total * (1.0 + LEAKAGE)) - links)
+    options = {"SymmetricMode": True}
     return splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options).solve(inflow)
 
 

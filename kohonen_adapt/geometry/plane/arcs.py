@@ -52,11 +52,13 @@ def refined_on_arcs(mesh: MeshTri) -> tuple[MeshTri, MeshTri] | None:
     finer = refined(mesh)
     middle, facet = halves_of_facets(mesh, finer) if is_second_order(mesh) else midpoints_of_facets(mesh)
     middle, facet = middle[chain[facet] >= 0], facet[chain[facet] >= 0]
-    circles, inside = circles_of(chains), mesh.f2t[1, facet] >= 0
+    circles = circles_of(chains)
+    inside = mesh.f2t[1, facet] >= 0
     radial = as_complex(finer.doflocs[:, middle].T) - circles.centre[chain[facet]]
     on_circle = as_rows(circles.centre[chain[facet]] + circles.radius[chain[facet]] * radial / np.abs(radial)).T
     chords, arcs = finer.doflocs.copy(), finer.doflocs.copy()
-    chords[:, middle[~inside]], arcs[:, middle] = on_circle[:, ~inside], on_circle
+    chords[:, middle[~inside]] = on_circle[:, ~inside]
+    arcs[:, middle] = on_circle
     pair = replace(finer, doflocs=chords), replace(finer, doflocs=arcs)
     inverted = [np.any(signed_area(each) * signed_area(finer) <= 0.0) for each in pair]
     return pair if inside.any() and not any(inverted) else None
@@ -100,7 +102,8 @@ def naming(names: list[str], group: str) -> tuple[str, str, str]:
 
 def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
     triangulation, outline = movable.triangulation, movable.outline
-    facets, position = constrained_facets(triangulation.mesh, triangulation.elements), triangulation.position
+    facets = constrained_facets(triangulation.mesh, triangulation.elements)
+    position = triangulation.position
     joints = joints_of(facets, position, np.ones(len(facets.element), bool))
     chain = triangulation.elements.chain[facets.element, facets.corner]
     alone = np.bincount(chain, minlength=len(outline.straight)) == 1
@@ -113,7 +116,8 @@ def possible_arcs(movable: MovableMesh) -> Iterator[PossibleArc]:
             rows = polylines.facet[first:last]
             if last - first < fewest or not single[rows].all() or not seen.isdisjoint(rows.tolist()):
                 continue
-            nodes, sides = polylines.node[first : last + 1], facets.sides.items()
+            nodes = polylines.node[first : last + 1]
+            sides = facets.sides.items()
             names = [name for name, side in sides if np.all(side[rows] > 0)]
             if found := possible_arc(position, nodes, names, is_cut):
                 seen.update(rows.tolist())
@@ -142,7 +146,8 @@ def separate_sides(ends: Points, centres: Points) -> Iterator[tuple[Ints, tuple[
         on = on[np.argsort(radius[on, 0], kind="stable")]
         circle = np.cumsum(np.diff(radius[on, 0], prepend=0.0) > CIRCULAR * radius[on, 0])
         on = on[np.lexsort((middle[on], circle))]
-        turn, same = np.diff(middle[on]), np.diff(np.sort(circle)) == 0
+        turn = np.diff(middle[on])
+        same = np.diff(np.sort(circle)) == 0
         gap = turn - half[on[1:]] - half[on[:-1]]
         linked = same & (gap > STRAIGHTEST) & (gap <= half[on[1:]])
         cuts = np.flatnonzero(~linked) + 1
@@ -152,8 +157,10 @@ def separate_sides(ends: Points, centres: Points) -> Iterator[tuple[Ints, tuple[
 
 
 def possible_arc(position: Floats, nodes: Ints, names: list[str], is_cut: bool) -> PossibleArc | None:
-    turns, x = turning_angles(as_complex(position[nodes])), position[nodes[: -1 if nodes[0] == nodes[-1] else None]]
-    turn, one_way = float(np.abs(turns).max()), abs(np.sign(turns).sum()) == len(turns)
+    turns = turning_angles(as_complex(position[nodes]))
+    x = position[nodes[: -1 if nodes[0] == nodes[-1] else None]]
+    turn = float(np.abs(turns).max())
+    one_way = abs(np.sign(turns).sum()) == len(turns)
     circle = sphere_through(x, min(CIRCULAR, CLOSE * turn**2 / 8.0))
     if circle is None or not one_way or not STRAIGHTEST < turn < SHARPEST:
         return None

@@ -97,7 +97,8 @@ def facet_lengths(z: Points, node: Ints, segments: Segments) -> FloatsPair:
     A chord of length l cuts the area ``l^3 / (12 r)`` off a circle of radius r. Equal facets that cut off as much as
     the facets of a segment have the equivalent length sqrt(sum l^3 / sum l).
     """
-    length, of_slot = np.abs(z[node[segments.slots + 1]] - z[node[segments.slots]]), segments.of_slot
+    length = np.abs(z[node[segments.slots + 1]] - z[node[segments.slots]])
+    of_slot = segments.of_slot
     longest = np.maximum.reduceat(length, np.cumsum(segments.facets) - segments.facets)
     return longest, np.sqrt(np.bincount(of_slot, length**3) / np.bincount(of_slot, length))
 
@@ -112,7 +113,8 @@ def set_lines(table: Chains, rows: Ints | list[int], start: Floats, end: Floats)
 def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) -> None:
     # not a number for segments that are no arcs
     centre, radius = segments.circle[:, :2], segments.circle[:, 2]
-    out, sense = table.origin - centre, np.sign(angle)
+    out = table.origin - centre
+    sense = np.sign(angle)
     out /= np.sqrt(np.sum(out**2, axis=1))[:, None]
     full = np.where(segments.closed, 2.0 * np.pi, np.abs(angle))
     coarse = np.clip(LONGEST * full / segments.facets, MAX_TURN, 0.5 * np.pi)
@@ -140,14 +142,16 @@ def chord_of(radius: Any, angle: Any) -> Any:
 
 
 def set_spline(table: Chains, p: int, knots: Floats, longest: float) -> None:
-    position, rate = knots[:, POSITION], as_complex(knots[:, DERIVATIVE])
+    position = knots[:, POSITION]
+    rate = as_complex(knots[:, DERIVATIVE])
     table.shape[p], table.origin[p], table.length[p] = TABLED, position[0], knots[-1, AT]
     table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
     curvature = np.max(np.abs(angles(rate)) / np.diff(knots[:, AT]))
     radius = 1.0 / curvature if curvature > 0.0 else np.inf
     reach = max(longest, chord_of(radius, MAX_TURN))
     sagitta = min(longest, reach * (reach / (4.0 * radius))) if radius < np.inf else 0.0
-    table.reach[p], table.merged[p] = reach, 0.5 * reach
+    table.reach[p] = reach
+    table.merged[p] = 0.5 * reach
     table.sagitta[p] = sagitta + NEAR * size_of(position)
 
 
@@ -239,14 +243,17 @@ def on_chains(chain: Ints, chains: Mask) -> Mask:
 
 
 def find_parameters(position: Floats, constraints: Constraints, node: Ints, segments: Segments) -> None:
-    chains, nearest, slides = constraints.chains, interpreted(nearest_parameter), constraints.kind == SLIDING
+    chains = constraints.chains
+    nearest = interpreted(nearest_parameter)
+    slides = constraints.kind == SLIDING
     chain = np.where(slides, constraints.own_chain, -1)
     straight = np.flatnonzero(on_chains(chain, chains.shape == STRAIGHT))
     own = chain[straight]
     along = np.sum((position[straight] - chains.origin[own]) * chains.direction[own], axis=1)
     constraints.parameter[straight] = np.clip(along, 0.0, chains.length[own])
     for c in np.flatnonzero(chains.shape != STRAIGHT).tolist():
-        nodes, near = node[segments.first[c] : segments.last[c]], 0.0
+        nodes = node[segments.first[c] : segments.last[c]]
+        near = 0.0
         for v in nodes[slides[nodes]].tolist():
             near = constraints.parameter[v] = nearest(chains, c, position[v], near)
 
@@ -265,7 +272,8 @@ def parameters_of(position: Floats, constraints: Constraints, chain: Ints, node:
 def ends_of(chains: Chains) -> Floats:
     half = 0.5 * chains.curvature * chains.length
     chord = chains.length * np.sinc(half / np.pi) * np.exp(1j * half) * as_complex(chains.direction)
-    end, is_tabled = chains.origin + as_rows(chord), chains.shape == TABLED
+    end = chains.origin + as_rows(chord)
+    is_tabled = chains.shape == TABLED
     end[is_tabled] = chains.knot[chains.row[1:][is_tabled] - 1, POSITION]
     return end
 
@@ -287,7 +295,8 @@ def spans_of(position: Floats, constraints: Constraints, chain: Ints, ends: Sequ
 
 
 def signed_distances(chains: Chains, chain: Ints, start: Floats, end: Floats) -> Floats:
-    distance, length = end - start, chains.length[chain]
+    distance = end - start
+    length = chains.length[chain]
     wraps = chains.closed[chain] & (np.abs(distance) > 0.5 * length)
     return np.where(wraps, distance - np.copysign(length, distance), distance)
 

@@ -94,7 +94,9 @@ def separated(pieces: Pieces, singular: Mask) -> Pieces:
 
 def halved(pieces: Pieces, marked: Mask) -> Pieces:
     # with halves of the sides opposite to marked corners (m, 3)
-    node, share, count = pieces.node, pieces.share, marked.sum(axis=1)
+    node = pieces.node
+    share = pieces.share
+    count = marked.sum(axis=1)
     halves = 0.5 * (share[:, AFTER] + share[:, BEFORE])
     middle = np.full(node.shape, -1)
     middle[marked] = new_nodes(node[:, AFTER][marked], node[:, BEFORE][marked], node)

@@ -133,7 +133,8 @@ class Arc:
         centre = np.array(self.centre)[:, None]
         offset = checked_points(x, "x") - centre
         distance = np.sqrt(np.sum(offset**2, axis=0))
-        offset[:, distance == 0.0], distance[distance == 0.0] = [[1.0], [0.0]], 1.0
+        offset[:, distance == 0.0] = [[1.0], [0.0]]
+        distance[distance == 0.0] = 1.0
         return centre + self.radius * (offset / distance)
 
 
@@ -151,7 +152,9 @@ def projected(curve: Curve, points: Floats, name: str) -> Floats:
 
 def check_near(nodes: Floats, curve: Curve, name: str) -> None:
     distance = np.sqrt(np.sum((nodes - projected(curve, nodes, name)) ** 2, axis=1))
-    largest, size, kind = distance.max(), size_of(nodes), KINDS[nodes.shape[1]]
+    largest = distance.max()
+    size = size_of(nodes)
+    kind = KINDS[nodes.shape[1]]
     if largest > NEAR * size:
         text = ", ".join(f"{coordinate:.6g}" for coordinate in nodes[np.argmax(distance)])
         raise ValueError(

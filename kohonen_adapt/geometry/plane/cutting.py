@@ -110,8 +110,10 @@ def circle_near(z: Points) -> Circle | None:
     if len(own) < FEWEST:
         return None
     centre, radius = fitted_sphere(as_rows(z))
-    circle, chord = Circle(as_complex(centre), radius), own[-1] - own[0]
-    height, distance = np.ptp((chord.conj() * (z - own[0])).imag) / abs(chord), circle.distances(z).max()
+    circle = Circle(as_complex(centre), radius)
+    chord = own[-1] - own[0]
+    height = np.ptp((chord.conj() * (z - own[0])).imag) / abs(chord)
+    distance = circle.distances(z).max()
     return circle if distance <= LOOSE * radius and DISTINCT * distance <= height else None
 
 
@@ -131,7 +133,8 @@ def cut_polyline(z: Points, closed: bool) -> tuple[list[Part], int]:
 
     Also returns the number of points by which a closed polyline is rotated, to begin where a segment begins.
     """
-    shift, whole = 0, circle_of_loop(z) if closed else None
+    shift = 0
+    whole = circle_of_loop(z) if closed else None
     if closed and not whole:
         shift = first_joint(z)
         whole = None if shift else circle_near(z)
@@ -155,14 +158,19 @@ def circle_of_loop(z: Points) -> Circle | None:
 
 def first_joint(z: Points) -> int:
     # where the first segment of several facets ends
-    turning, at, end = bends(z), 0, 0
+    turning = bends(z)
+    at = 0
+    end = 0
     while end <= at + 1 and end < len(z) - 1:
         at, end = end, next_part(z, turning, end, end).last
     return end % (len(z) - 1)
 
 
 def cut_open(z: Points) -> list[Part]:
-    turning, parts, at, begin = bends(z), list[Part](), 0, 0
+    turning = bends(z)
+    parts = list[Part]()
+    at = 0
+    begin = 0
     while at < len(z) - 1:
         part = next_part(z, turning, at, begin)
         if part.circle and abs(part.circle.angle(z[at : part.last + 1])) > MOST:
@@ -209,7 +217,8 @@ def arc_facets(z: Points) -> int:
     """Return the number of facets on one circle from the first point on."""
     if len(z) < 3:
         return 0
-    end, left = 2, turning_angles(z[:3]) > 0.0
+    end = 2
+    left = turning_angles(z[:3]) > 0.0
     while end < len(z) - 1:
         circle = circle_through(*z[[0, end // 2, end]])
         turns_back = (turning_angles(z[end - 1 : end + 2]) > 0.0) != left

@@ -34,7 +34,8 @@ def views_across(
 
     Rays start at intervals `step`, shape (c,), along every segment, and do not depend on the nodes of the segment.
     """
-    elements, z = triangulation.elements, as_complex(triangulation.position)
+    elements = triangulation.elements
+    z = as_complex(triangulation.position)
     (a, b), c = elements.ends(element, corner), elements.chain[element, corner]
     start, distance = spans_of(triangulation.position, constraints, c, (a, b))
     wrong = np.abs(distance) > 2.0 * np.abs(z[b] - z[a])  # the way around, from the other end
@@ -101,7 +102,8 @@ def seen_weights(
 
     A ray has the length that it represents divided by its own as weight, less if the hit is oblique.
     """
-    length, step = constraints.chains.length[chains], np.ones(len(constraints.chains.length))
+    length = constraints.chains.length[chains]
+    step = np.ones(len(constraints.chains.length))
     least, most = RAYS
     step[chains] = length / (least + np.round(most * length / length.sum()))
     start, end, nearness = views_across(triangulation, constraints, inside, e, k, step)
@@ -127,7 +129,8 @@ def sides_of(seen: csr_array, ends: Ints, count: int) -> Ints:
     of a gap.
     """
     side, weight = facing(seen, adjacent_segments(ends), count)
-    group, accepted = side // 2, np.zeros(count, bool)
+    group = side // 2
+    accepted = np.zeros(count, bool)
     weights = np.bincount(group, weight, count)
     for number in np.argsort(-weights, kind="stable")[: np.count_nonzero(weights)]:
         more = accepted | (group == number)
@@ -143,7 +146,8 @@ def sides_of(seen: csr_array, ends: Ints, count: int) -> Ints:
 
 def related(side: Ints, a: int, b: int, opposite: bool) -> Ints | None:
     """Return the sides after two segments are related, None if they contradict."""
-    own, other = side[a], side[b] ^ opposite
+    own = side[a]
+    other = side[b] ^ opposite
     if own // 2 == other // 2:
         return side if own == other else None
     of_own, of_other = (side // 2 == each // 2 for each in (own, other))

@@ -139,7 +139,8 @@ def levels_of_sides(bands: list[Band], count: int) -> tuple[Ints, Mask]:
         raise contradiction(bands)
     level, on_side = np.zeros(count, np.int64), np.zeros(count, bool)
     for i, side in enumerate(sides):
-        level[side], on_side[side] = found[label[i]], True
+        level[side] = found[label[i]]
+        on_side[side] = True
     return level, on_side
 
 

@@ -44,7 +44,8 @@ def offsets_on_curves(triangulation: Triangulation, constraints: Constraints, le
 def offsets_with_free_sides(triangulation: Triangulation, constraints: Constraints) -> Floats:
     """Return the midside offsets of all sides, exact on curves, (m, 3, 2)."""
     # Sides inside regions are curved where an element would be folded.
-    elements, offsets = triangulation.elements, offsets_on_curves(triangulation, constraints, -np.inf)
+    elements = triangulation.elements
+    offsets = offsets_on_curves(triangulation, constraints, -np.inf)
     corners = triangulation.position[elements.node]
     for e in np.flatnonzero(relative_determinants(corners, offsets) < CROWDED):
         free = np.flatnonzero((elements.chain[e] < 0) & (elements.neighbour[e] >= 0))
@@ -72,9 +73,12 @@ def relative_determinants(corners: Floats, offsets: Floats) -> Floats:
 
 def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
     position = triangulation.position
-    chains, chain, ends = constraints.chains, triangulation.elements.chain[e, k], triangulation.elements.ends(e, k)
+    chains = constraints.chains
+    chain = triangulation.elements.chain[e, k]
+    ends = triangulation.elements.ends(e, k)
     start, distance = spans_of(position, constraints, chain, ends)
-    middle, length = start + 0.5 * distance, chains.length[chain]
+    middle = start + 0.5 * distance
+    length = chains.length[chain]
     round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
     return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
 

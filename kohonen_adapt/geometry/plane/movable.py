@@ -149,7 +149,8 @@ class MovableMesh(Movable):
     def flip(self) -> int:
         if not self.flips:
             return 0
-        tri, m = self.triangulation, len(self.triangulation.elements.node)
+        tri = self.triangulation
+        m = len(self.triangulation.elements.node)
         doubtful, stack, waiting = np.empty(m, bool), np.empty(m, np.int32), np.zeros(m, bool)
 
         metric, cuts = Metric(self.shape, self.relief), even_cuts(m, LIGHT)

@@ -154,7 +154,8 @@ class Outline:
 
     def nodes_by_freedom(self) -> dict[str, Mask]:
         kind, (one, other) = self.constraints.kind, self.constraints.chain.T
-        held, jumps = kind == HELD, (other >= 0) | (one == JUNCTION)
+        held = kind == HELD
+        jumps = (other >= 0) | (one == JUNCTION)
         return {
             "free": kind == FREE,
             "sliding": kind == SLIDING,
@@ -190,7 +191,9 @@ def segmented(
     offset: Floats | None,
 ) -> Segmented:
     # A node whose partner cannot slide ends its segment.
-    position, paired, stops = triangulation.position, np.flatnonzero(pairs.partner >= 0), pinned.copy()
+    position = triangulation.position
+    paired = np.flatnonzero(pairs.partner >= 0)
+    stops = pinned.copy()
     midsides = midsides_of(facets, triangulation, offset)
     curve = midsides.curve_index(curve_of_facets(facets.sides, len(facets.element), curves))
     joints = joints_of(facets, position, on_lines_and_arcs(curve, curves), midsides.offset)
@@ -267,5 +270,6 @@ def inner_nodes(triangulation: Triangulation) -> Mask:
 
 def run_along(triangulation: Triangulation, constraints: Constraints, element: Ints, corner: Ints) -> Mask:
     elements = triangulation.elements
-    chain, ends = elements.chain[element, corner], elements.ends(element, corner)
+    chain = elements.chain[element, corner]
+    ends = elements.ends(element, corner)
     return spans_of(triangulation.position, constraints, chain, ends)[1] > 0.0

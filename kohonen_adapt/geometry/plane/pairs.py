@@ -159,7 +159,8 @@ def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
     if mirrored:
         motions = [motion for motion in motions if motion_of(motion, sides.size)] or motions[:1]
     nodes, others = sides.nodes
-    tree, probes = KDTree(sides.position[:, others].T), sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
+    tree = KDTree(sides.position[:, others].T)
+    probes = sides.position[:, nodes[:: max(1, len(nodes) // PROBES)]]
     distance = np.array([tree.query(moved(motion, probes).T)[0].max() for motion in motions])
     near_matches = np.flatnonzero(distance <= max(sides.near, distance.min()))
     angle = np.abs([np.arctan2(motions[k][1, 0], motions[k][0, 0]) for k in near_matches])
@@ -170,7 +171,8 @@ def matches_by_angle(sides: Sides, mirrored: bool) -> Iterator[Match]:
 def candidates(sides: Sides, mirrored: bool) -> list[Floats]:
     points, targets = (as_complex(sides.position[:, nodes].T) for nodes in sides.nodes)
     ends = farthest(-points.conj() if mirrored else points)
-    radius, slack = np.abs(targets - targets.mean()), 4.0 * sides.near
+    radius = np.abs(targets - targets.mean())
+    slack = 4.0 * sides.near
     middle = -points.mean().conj() if mirrored else points.mean()
     first, second = (np.flatnonzero(np.abs(radius - r) <= slack) for r in np.abs(ends - middle))
     apart, aims = np.abs(ends[1] - ends[0]), list[Points]()
@@ -204,7 +206,8 @@ def match_by(sides: Sides, motion: Floats) -> Match:
             f"the mesh goes on beyond {np.sum(against)} facets of {other!r} and lies on the same side of "
             f"{np.sum(along)}. Name parts apart that are one another's image by different motions."
         )
-    largest, continues = float(distance.max()), bool(against.all()) == is_proper(motion)
+    largest = float(distance.max())
+    continues = bool(against.all()) == is_proper(motion)
     return Match(motion, nodes, images, largest, largest <= sides.near, continues, fault)
 
 
@@ -212,7 +215,8 @@ def senses(sides: Sides, nodes: Ints, images: Ints) -> tuple[Mask, Mask]:
     count = sides.position.shape[1]
     image = np.full(count, -1, np.int64)
     image[nodes] = images
-    first, second = image[sides.facets[0].T], sides.facets[1].T
+    first = image[sides.facets[0].T]
+    second = sides.facets[1].T
     against, along = (np.isin(keys_of(ends, count), keys_of(second, count)) for ends in (first[::-1], first))
     return against, along
 
@@ -263,7 +267,8 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
 
 
 def sliding_pairs(constraints: Constraints) -> IntsPair:
-    periodic, slides = constraints.periodic, constraints.kind == SLIDING
+    periodic = constraints.periodic
+    slides = constraints.kind == SLIDING
     node = np.flatnonzero(slides & (periodic.partner >= 0) & (periodic.motion % 2 == 0) & slides[periodic.partner])
     return node, periodic.partner[node]
 
@@ -294,7 +299,8 @@ def check_outer(triangulation: Triangulation, facets: Facets, *names: str) -> No
 
 
 def partner_facets(facets: Facets, partner: Ints) -> Ints:
-    images, count = partner[facets.nodes.T], len(partner)
+    images = partner[facets.nodes.T]
+    count = len(partner)
     key, wanted = (keys_of(ascending(*ends), count) for ends in (facets.nodes.T, np.maximum(images, 0)))
     order = np.argsort(key)
     found = order[np.minimum(np.searchsorted(key[order], wanted), len(key) - 1)]

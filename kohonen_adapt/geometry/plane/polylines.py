@@ -143,7 +143,8 @@ def continuations(edges: Ints, position: Floats, stops: Mask, sharpest: float) -
     flat, number = edges.ravel(), np.arange(edges.size)
     order = np.argsort(flat, kind="stable")
     order = order[~stops[flat[order]]]
-    found, shift = [np.empty((0, 2), np.int64)], 1
+    found = [np.empty((0, 2), np.int64)]
+    shift = 1
     while shift < len(order) and np.any(same := flat[order[shift:]] == flat[order[:-shift]]):
         found.append(np.stack([order[:-shift][same], order[shift:][same]], axis=1))
         shift += 1
@@ -191,7 +192,8 @@ def trace_polylines(ends: Ints, node: Ints, edges: Ints, smooth: Mask) -> Polyli
     through = np.full((int(ends.max(initial=-1)) + 1, 2), -1, np.int32)
     through[node[smooth]] = edges[smooth]
     begin, end = ends.ravel(), ends[:, ::-1].ravel()
-    direction, is_end = np.arange(len(begin)), through[begin, 0] < 0
+    direction = np.arange(len(begin))
+    is_end = through[begin, 0] < 0
     # the edge before, and its direction that ends here
     back = np.where(is_end, direction // 2, through[begin].sum(axis=1) - direction // 2)
     before = np.where(is_end, direction, 2 * back + (ends[back, 1] != begin))
@@ -201,7 +203,8 @@ def trace_polylines(ends: Ints, node: Ints, edges: Ints, smooth: Mask) -> Polyli
     np.minimum.at(first, polyline, np.where(closed[polyline] | (before == direction), direction, len(direction)))
     before[first], rank = first, (direction != first[polyline]).astype(np.int64)
     while np.any(before != before[before]):  # twice as far back in every iteration
-        rank, before = rank + rank[before], before[before]
+        rank = rank + rank[before]
+        before = before[before]
     reverse = polyline[direction ^ 1]  # the same polyline in the other direction
     chosen = np.flatnonzero(first[polyline] <= first[reverse])
     start = first[polyline[chosen]]
@@ -222,7 +225,8 @@ def cut_into_segments(
     z, node, facet, parts = as_complex(position), polylines.node.copy(), polylines.facet.copy(), list[Part]()
     is_whole, loops = (curve[polylines.facet_of_each] != -1).tolist(), polylines.closed.tolist()
     for (begin, end), whole, closed in zip(pairwise(polylines.start.tolist()), is_whole, loops, strict=True):
-        last, shift = end - begin - 1, 0
+        last = end - begin - 1
+        shift = 0
         own = [Part(0, last, closed=closed)]
         if not whole and last > 1:
             own, shift = cut_polyline(z[node[begin:end]], closed)

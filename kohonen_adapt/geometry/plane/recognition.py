@@ -120,7 +120,8 @@ def with_coarse_arcs(z: Points, node: Ints, segments: Segments, others: Floats) 
         return segments
     centre, radius = (np.array(column) for column in zip(*(circle for _, _, circle in found), strict=True))
     circles = rounded(np.column_stack([as_rows(centre), radius]), radius[:, None])
-    others, accepted = np.concatenate([circles, segments.circle[segments.is_round], others]), []
+    others = np.concatenate([circles, segments.circle[segments.is_round], others])
+    accepted = []
     for number, (first, last, _) in enumerate(found):
         tolerance = CONCENTRIC * circles[number, 2]
         near = np.hypot(*(others[:, :2] - circles[number, :2]).T) <= tolerance
@@ -176,7 +177,8 @@ def fewest_facets(facets: Ints) -> Ints:
 def with_whole_arcs(z: Points, polylines: Polylines, segments: Segments, junction: Mask) -> Segments:
     # Noise may leave only parts of a polyline on a circle. A polyline with a junction and without a straight part is an
     # arc if all nodes are near a circle.
-    begin, accepted = np.searchsorted(segments.first, polylines.start), []
+    begin = np.searchsorted(segments.first, polylines.start)
+    accepted = []
     is_straight = (segments.facets > 1) & ~segments.is_round
     for first, last in pairwise(begin.tolist()):
         node = polylines.node[segments.first[first] : segments.last[last - 1] + 1]
@@ -198,7 +200,8 @@ def trace_across_junctions(nodes: Ints, position: Floats, stops: Mask, sharpest:
 
 def with_arcs_across_junctions(polylines: Polylines, segments: Segments, arcs: Floats) -> Segments:
     # Straight segments of one facet are changed to arcs, together if no junction is between them.
-    arc, accepted = arcs[polylines.facet[segments.first]], []
+    arc = arcs[polylines.facet[segments.first]]
+    accepted = []
     for first, last in runs_of_single_facets(segments, arc):
         loop = polylines.node[segments.first[first]] == polylines.node[segments.last[last]]
         cuts = [first, (first + last + 1) // 2, last + 1] if loop else [first, last + 1]
@@ -215,7 +218,8 @@ def centres_of(motions: Floats) -> Floats:
 def arc_candidates(z: Points, node: Ints, segments: Segments) -> Iterator[tuple[int, int, Circle]]:
     # Fewer than FEWEST_FACETS facets are a candidate only from corner to corner.
     for first, last in runs_of_single_facets(segments, np.zeros((len(segments.first), 1))):
-        own, at = z[node[segments.first[first] : segments.last[last] + 1]], 0
+        own = z[node[segments.first[first] : segments.last[last] + 1]]
+        at = 0
         if SHORTEST <= len(own) - 1 < FEWEST_FACETS:
             yield first, last, circle_of_part(own)
         while at + FEWEST_FACETS < len(own):

@@ -203,8 +203,12 @@ class Samples(NamedTuple):
 def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
     points = [np.append(piece, piece[:, : int(loop)], axis=1).T for piece, loop in zip(pieces, closed, strict=True)]
     chords = [np.sqrt(_squared(np.diff(piece, axis=0))) for piece in points]
-    total, start = np.sum(np.concatenate(chords)), 0.0
-    cubics, knots, parameters, reach = [], [], [], 0.0
+    total = np.sum(np.concatenate(chords))
+    start = 0.0
+    cubics = []
+    knots = []
+    parameters = []
+    reach = 0.0
     for piece, chord, loop in zip(points, chords, closed, strict=True):
         own = np.append(0.0, np.cumsum(chord)) / total
         spline = scipy.interpolate.CubicSpline(own, piece, bc_type="periodic" if loop else "not-a-knot")
@@ -213,7 +217,8 @@ def _sampled(pieces: Sequence[Floats], closed: Sequence[bool]) -> Samples:
         t, far = _refined(spline, own)
         knots.append(start + own)
         parameters.append(start + t)
-        start, reach = knots[-1][-1] + 1.0 / len(points), max(reach, far)
+        start = knots[-1][-1] + 1.0 / len(points)
+        reach = max(reach, far)
     curve = scipy.interpolate.PPoly(np.concatenate(cubics, axis=1), np.append(np.concatenate(knots), start))
     t, first = np.concatenate(parameters), np.cumsum([0, *map(len, parameters)])
     before, after = np.arange(len(t)) - 1, np.arange(len(t)) + 1
@@ -255,7 +260,9 @@ def _feet(samples: Samples, at: Ints, x: Floats) -> Floats:
     low, t, high = samples.t[samples.before[at]], samples.t[at], samples.t[samples.after[at]]
     converged = np.zeros(len(at), bool)
     for _ in range(STEPS):
-        offset, tangent, second_derivative = samples.curve(t) - x, samples.curve(t, 1), samples.curve(t, 2)
+        offset = samples.curve(t) - x
+        tangent = samples.curve(t, 1)
+        second_derivative = samples.curve(t, 2)
         rate, change = np.sum(offset * tangent, axis=1), np.sum(tangent**2 + offset * second_derivative, axis=1)
         low, high = np.where(rate > 0.0, low, t), np.where(rate > 0.0, t, high)
         with np.errstate(divide="ignore", invalid="ignore"):

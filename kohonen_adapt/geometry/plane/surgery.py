@@ -77,7 +77,8 @@ class Surgery:
         formula, every node that moves from the outer boundary to the interior adds an element. Old indices refer to the
         mesh before the earlier steps `done`.
         """
-        n, m = movable.nnodes, len(movable.triangulation.elements.node)
+        n = movable.nnodes
+        m = len(movable.triangulation.elements.node)
         on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
         state = movable.padded_state(rows, spare, UNUSED)

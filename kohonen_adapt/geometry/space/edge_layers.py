@@ -67,9 +67,11 @@ def separated(pieces: Pieces, singular: Mask, edges: Ints, p: Floats) -> tuple[P
         if not halved.any():
             return pieces.replaced(rows, [near]), singular
         chosen = independent(element, number, np.where(halved, ranks(p, key, rng), -1))
-        pairs, key = np.flatnonzero(chosen[number]), key[chosen]
+        pairs = np.flatnonzero(chosen[number])
+        key = key[chosen]
         first, second = np.divmod(key, NODES)
-        middle, on_edge = singular.size + np.arange(key.size), np.isin(key, edges)
+        middle = singular.size + np.arange(key.size)
+        on_edge = np.isin(key, edges)
         new = (singular.size - 1 + np.cumsum(chosen))[number[pairs]]
         parts = [keys_of(np.stack([end, middle])[:, on_edge], NODES) for end in (first, second)]
         edges, singular = np.concatenate([edges, *parts]), np.append(singular, on_edge)
@@ -136,7 +138,8 @@ def layered(pieces: Pieces, singular: Mask, layers: int, factor: float) -> Piece
 
 def tetrahedra(hexahedra: Pieces) -> Iterator[Pieces]:
     # Some corners may coincide. The base of each tetrahedron is a half of a face, and its apex is the least node.
-    node, every = hexahedra.node, np.arange(4)
+    node = hexahedra.node
+    every = np.arange(4)
     apex = np.argmin(node, axis=1)[:, None]
     for face in FACES:
         corner = face[(np.argmin(node[:, face], axis=1)[:, None] + every) % 4]
@@ -144,7 +147,8 @@ def tetrahedra(hexahedra: Pieces) -> Iterator[Pieces]:
             corners = np.hstack([apex, corner[:, [0, k, k + 1]]])
             own = np.sort(along(node, corners), axis=1)
             rows = np.flatnonzero(np.all(own[:, 1:] > own[:, :-1], axis=1))
-            part, corners = hexahedra.select(rows), corners[rows]
+            part = hexahedra.select(rows)
+            corners = corners[rows]
             yield Pieces(along(part.node, corners), part.parent, along(part.share, corners[..., None]))
 
 
@@ -158,6 +162,7 @@ def offsets_of(made: Mesh, pieces: Pieces, shape: Isoparametric) -> Floats:
     rows, (one, other) = np.flatnonzero(shape.curved[pieces.parent]), EDGES
     change = pieces.share[rows][:, other] - pieces.share[rows][:, one]
     ends, side = numbered_sides(made)
-    offset, products = np.zeros((3, ends.shape[1])), change[..., one] * change[..., other]
+    offset = np.zeros((3, ends.shape[1]))
+    products = change[..., one] * change[..., other]
     offset[:, side[:, rows].T] = -np.einsum("rkl,clr->crk", products, shape.offset[:, :, pieces.parent[rows]])
     return offset

@@ -94,7 +94,8 @@ class MovableSolid(Movable):
         edges = edges_of(faces, tet.nnodes)
         surfaces = checked_surfaces(mesh, rules.surfaces)
         patches = patches_of(faces, seams_of(faces, edges, tet.position), tet.position, surfaces)
-        wanted, input_edges = is_second_order(mesh) if curved is None else curved, NO_EDGES
+        wanted = is_second_order(mesh) if curved is None else curved
+        input_edges = NO_EDGES
         if wanted and is_second_order(mesh):
             input_edges = InputEdges.of(mesh, faces, patches)
             pinned[cKDTree(tet.position).query(input_edges.ends.reshape(-1, 3))[1]] = True
@@ -155,7 +156,8 @@ class MovableSolid(Movable):
 
     def are_left(self, element: Ints, corner: Ints) -> Mask:
         tet = self.tetrahedralization
-        patch, nodes = tet.elements.patch[element, corner], faces_of(tet.elements, element, corner)
+        patch = tet.elements.patch[element, corner]
+        nodes = faces_of(tet.elements, element, corner)
         return self.patches.in_front(patch, tet.elements.region[element], tet.position, nodes)
 
     def copy(self) -> "MovableSolid":

@@ -92,7 +92,8 @@ def seams_of(faces: Faces, edges: Edges, position: Floats) -> Seams:
     one, other = edges.face[slot], edges.face[slot + 1]
     opposite = edges.forth[slot] != edges.forth[slot + 1]
     normal = normals(position, faces.nodes)
-    here, there = normal[one], np.where(opposite[:, None], 1.0, -1.0) * normal[other]
+    here = normal[one]
+    there = np.where(opposite[:, None], 1.0, -1.0) * normal[other]
     same_label = faces.label[one, 0] == faces.label[other, np.where(opposite, 0, 1)]
     return Seams(
         edges.ends[edge], np.stack([one, other], axis=1), angles_between(here.T, there.T), opposite, same_label
@@ -136,7 +137,8 @@ class Patches(NamedTuple):
         return found
 
     def project(self, patch: Ints, x: Floats) -> Floats:
-        found, shape = x.copy(), self.shape[patch]
+        found = x.copy()
+        shape = self.shape[patch]
         for kind, projection in ((PLANE, on_plane), (CYLINDER, on_cylinder), (CONE, on_cone), (SPHERE, on_sphere)):
             rows = np.flatnonzero(shape == kind)
             p = patch[rows]
@@ -178,7 +180,8 @@ def on_their_patches(nodes: Ints, patches: Patches, position: Floats) -> Floats:
 
 
 def onto_all(sequence: Sequence[IntsPair], patches: Patches, position: Floats) -> Floats:
-    x, tolerance = position.copy(), STILL * np.ptp(position, axis=0).max()
+    x = position.copy()
+    tolerance = STILL * np.ptp(position, axis=0).max()
     for _ in range(ROUNDS):
         before = x.copy()
         for node, patch in sequence:

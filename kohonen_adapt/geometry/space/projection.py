@@ -107,7 +107,8 @@ def qualities(position: Floats, node: Ints) -> Floats:
 
 def distances_from_faces(position: Floats, elements: Tetrahedra, patches: Patches) -> Floats:
     nodes, patch = faces_on_surfaces(elements, patches)
-    corners, found = position[nodes], np.zeros(len(patches.shape))
+    corners = position[nodes]
+    found = np.zeros(len(patches.shape))
     for x in (corners.mean(axis=1), *midpoints_of_edges(corners)):
         np.maximum.at(found, patch, np.linalg.norm(patches.project(patch, x) - x, axis=1))
     return found
@@ -135,10 +136,12 @@ def midpoints_of_edges(corners: Floats) -> Floats:
 def samples_of(faces: Faces, patches: Patches, position: Floats) -> Samples:
     if not np.any(patches.shape == PROJECTED):
         return NO_SAMPLES
-    start, samples = np.zeros(len(patches.shape) + 1, np.int32), []
+    start = np.zeros(len(patches.shape) + 1, np.int32)
+    samples = []
     for p in np.flatnonzero(patches.shape == PROJECTED).tolist():
         own = np.flatnonzero(patches.of_face == p)
-        corners, out = position[faces.nodes[own]], out_of(faces, patches, own, position)
+        corners = position[faces.nodes[own]]
+        out = out_of(faces, patches, own, position)
         point, face = lattice(corners)
         found = shapes_at(patches, p, point, corners[face], out[face])
         order = in_tree(found[0])

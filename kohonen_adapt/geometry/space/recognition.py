@@ -93,7 +93,8 @@ def sides_of(
     region, behind = faces.regions[first].T
     front = np.where(region == behind, -1, region)
     names = {name: side[first] for name, side in faces.sides.items()}
-    count, inside = len(patch), patch[seams.faces[:, 0]] == patch[seams.faces[:, 1]]
+    count = len(patch)
+    inside = patch[seams.faces[:, 0]] == patch[seams.faces[:, 1]]
     (one, other), turned = seams.faces[inside].T, ~seams.opposite[inside]
     pairs = np.concatenate([np.stack([one + side * count, other + (side ^ turned) * count], axis=1) for side in (0, 1)])
     cover = connected_components_of(2 * count, pairs)
@@ -173,7 +174,8 @@ def rounds_among(skin: Skin, faces: Mask) -> Rounds:
 def with_steep_faces(skin: Skin, pairs: Ints, rounds: Rounds) -> Rounds:
     # Single faces of coarse spheres turn by a corner or more, and join a sphere to which two neighbours belong. `pairs`
     # (j, 2) are the neighbours at all seams.
-    free, found = np.bincount(skin.plane)[skin.plane] == 1, Rounds()
+    free = np.bincount(skin.plane)[skin.plane] == 1
+    found = Rounds()
     for part, _ in rounds:
         free[part] = False
     for part, each in rounds:
@@ -243,7 +245,8 @@ def grown_from(skin: Skin, seed: int, free: Mask) -> tuple[Ints, Round | None]:
     for _ in range(GROWTHS):
         if each is None:
             break
-        before, on = on, reached(pairs, seed, free & near(skin, each))
+        before = on
+        on = reached(pairs, seed, free & near(skin, each))
         each = round_of(skin.position, skin.nodes[on]) if len(on) else None
         if np.array_equal(before, on):
             break

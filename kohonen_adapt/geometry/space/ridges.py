@@ -82,7 +82,8 @@ def cut(ends: Ints, kind: Ints, kinds: Ints, patches: Patches, position: Floats)
     one, other = kind[end // 2].T
     smooth = (one == other) & ((turn < CORNER) | np.append(meet_smoothly(kinds, patches), False)[one])
     polylines = trace_polylines(ends, joint, end // 2, smooth)
-    of_edge, is_edge = np.empty(len(ends), np.int64), polylines.facet >= 0
+    of_edge = np.empty(len(ends), np.int64)
+    is_edge = polylines.facet >= 0
     of_edge[polylines.facet[is_edge]] = np.repeat(np.arange(len(polylines.closed)), np.diff(polylines.start))[is_edge]
     first, last = position[polylines.node[polylines.start[:-1]]], position[polylines.node[polylines.start[1:] - 1]]
     found = [lines(first, last)]
@@ -115,9 +116,12 @@ def pieces_of(x: Floats, closed: bool, meeting: Ints, patches: Patches) -> tuple
     # A polyline between patches that are not all planes is one piece: a circle, the intersection of two patches, or
     # of unknown shape. Other polylines are cut into straight pieces and arcs if they lie in a plane, else into single
     # edges.
-    middle, axes = x.mean(axis=0), np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
+    middle = x.mean(axis=0)
+    axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)[2]
     flat = np.abs((x - middle) @ axes[2]).max() <= COLLINEAR * np.ptp(x, axis=0).max()
-    z, count, shift = as_complex((x - middle) @ axes[:2].T), len(x) - 1, 0
+    z = as_complex((x - middle) @ axes[:2].T)
+    count = len(x) - 1
+    shift = 0
     if len(meeting) > 1 and np.any(patches.shape[meeting] != PLANE):
         circle = sphere_through(as_rows(z), COLLINEAR) if flat else None
         if circle is None:

@@ -120,7 +120,8 @@ def cylinder_through(x: Floats, normal: Floats) -> Round | None:
     the distance of a point by -s u.t, and a shift by p changes the distance by -u.p.
     """
     middle, scale = x.mean(axis=0), np.ptp(x, axis=0).max()
-    y, weight = (x - middle) / scale, np.linalg.norm(normal, axis=1, keepdims=True)
+    y = (x - middle) / scale
+    weight = np.linalg.norm(normal, axis=1, keepdims=True)
     axis = np.linalg.eigh((normal / weight).T @ normal)[1][:, 0]
     centre, radius = fitted_sphere(y @ basis_of(axis).T)
     point = centre @ basis_of(axis)

@@ -94,10 +94,13 @@ def until_none_waits(mesh: OpenTetrahedra, queue: Queue, task: Callable[[OpenTet
 def run_parts(mesh: OpenTetrahedra, queue: Queue, part: Nodes, task: Callable[[OpenTetrahedra, Queue], float]) -> float:
     waiting, of_element = waiting_rows(mesh, queue), np.empty(len(mesh.elements.node), np.int32)
     find_parts(mesh.elements.node, part, of_element)
-    parts, part_of = int(part.max()) + 1, of_element[waiting]
+    parts = int(part.max()) + 1
+    part_of = of_element[waiting]
     count = np.bincount(of_element[of_element >= 0], minlength=parts)
-    pools, inside = split_pool(mesh.pool, count), [waiting[part_of == i] for i in range(parts)]
-    rows, scratch = (len(mesh.position), len(of_element)), [mesh.cavity]
+    pools = split_pool(mesh.pool, count)
+    inside = [waiting[part_of == i] for i in range(parts)]
+    rows = (len(mesh.position), len(of_element))
+    scratch = [mesh.cavity]
     scratch += [Cavity.of(*rows) for _ in range(1, min(number_of_threads(), parts))]
     queue.waiting[(of_element == ACROSS) & (queue.waiting == FREE)] = ELSEWHERE
 

@@ -84,7 +84,8 @@ class CurvedFaces:
         only, and beside a source only if all values are 0. `linear` selects patches without Dirichlet values, or with
         linear Dirichlet values.
         """
-        elements, values = tet.elements, np.asarray(ritz.values)
+        elements = tet.elements
+        values = np.asarray(ritz.values)
         counted = linear & np.isin(patches.shape, ROUND)
         e, k = faces_on(elements, counted)
         patch, across = elements.patch[e, k], elements.neighbour[e, k]
@@ -106,7 +107,8 @@ class CurvedFaces:
         `surface` has the offsets of `Trial.surface`.
         """
         e, k = faces_on(elements, self.counted)
-        outer, across = is_outside(position, elements, self.patches, e, k), elements.neighbour[e, k]
+        outer = is_outside(position, elements, self.patches, e, k)
+        across = elements.neighbour[e, k]
         has = outer | (across < 0)
         e, k, outer, across = e[has], k[has], outer[has], across[has]
         if not len(e):

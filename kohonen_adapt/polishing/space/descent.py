@@ -54,7 +54,8 @@ SWEEPS_PER_SWAP = 1, 2  # by order
 
 
 def with_origins(opened: OpenSolid, recycled: Recycled) -> OpenSolid:
-    origins, n = opened.mesh.origins, len(recycled.old)
+    origins = opened.mesh.origins
+    n = len(recycled.old)
     origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
     return opened
 
@@ -115,10 +116,13 @@ class SpaceDescent:
     def of(
         cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
     ) -> "SpaceDescent":
-        modes, target = trial.modes, 0 if trial.modes is None else rows_of_order_2(movable.nnodes)
+        modes = trial.modes
+        target = 0 if trial.modes is None else rows_of_order_2(movable.nnodes)
         opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), target, relief=1.0), recycled)
-        mesh, rows = opened.mesh, len(opened.mesh.position)
-        fixed, surface = padded(trial.fixed, rows, False), trial.surface
+        mesh = opened.mesh
+        rows = len(opened.mesh.position)
+        fixed = padded(trial.fixed, rows, False)
+        surface = trial.surface
         if modes is not None:
             modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in modes))
         if len(surface):
@@ -127,7 +131,8 @@ class SpaceDescent:
             fixed |= on_patches(mesh, functional.driven)
             modes.dirichlet[:] |= edges_of_patches(mesh, functional.driven)
         own = functional.trial(padded(trial.values, rows, 0.0), fixed, surface)
-        rules, seen = (movable.polish_floor, movable.flips), np.zeros((len(mesh.elements.node), 2))
+        rules = (movable.polish_floor, movable.flips)
+        seen = np.zeros((len(mesh.elements.node), 2))
         common = movable, recycled, opened, functional, own, *rules, seen
         return cls(*common, modes, CurvedEdges.of(movable, rows), size_of(mesh))
 
@@ -236,7 +241,8 @@ class SpaceDescent:
         return float(self.price[0])
 
     def weigh(self, nodes: Ints) -> Plan:
-        mesh, patches = self.opened.mesh, slice(self.functional.patches)
+        mesh = self.opened.mesh
+        patches = slice(self.functional.patches)
         freedom = self.functional.freedom(mesh.freedom, self.trial.fixed, self.trial.surface)
         removable = (freedom.number != HELD) & (mesh.pool.anchor >= 0)
         lone = self.trial.fixed & ~on_patches(mesh, self.functional.dirichlet[patches] | self.functional.driven)
@@ -256,7 +262,8 @@ class SpaceDescent:
         mesh = self.opened.mesh
         total, decrease = 0, 0.0
         for _ in range(EXCHANGES[self.order - 1] if whole else 1):
-            plan, added = self.weigh(nodes_of(mesh)), size_of(mesh) - self.size
+            plan = self.weigh(nodes_of(mesh))
+            added = size_of(mesh) - self.size
             splits, fall = exchanged(mesh, self.function(), self.opened.queue, plan, added, self.floor**3)
             total, decrease = total + splits, decrease + fall
             if splits <= MANY * len(nodes_of(mesh)):
@@ -267,7 +274,8 @@ class SpaceDescent:
         self.functional.sample_source(self.opened.mesh.position, self.opened.mesh.elements, self.trial)
 
     def sweep(self, parts: Parts, freedom: Freedom) -> float:
-        mesh, star = self.opened.mesh, self.opened.star()
+        mesh = self.opened.mesh
+        star = self.opened.star()
         self.sample_source()
         constraints = Constraints(freedom, mesh.surfaces, freedom.number == INSIDE)
         arrays = KernelMesh(mesh.position, mesh.elements, star, constraints)

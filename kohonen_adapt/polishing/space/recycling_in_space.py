@@ -39,7 +39,8 @@ Function = tuple[Trial, Quadratic | None]  # at order 1 without coefficients of 
 
 FEW, PART = 1_000, 5_000  # nodes per thread at least, and per compiled call
 SPLITS = 10_000  # edges per compiled call
-SPARE, MORE = 4, 2 * SCRATCH_ROWS  # spare rows per node (inverse) at order 2, and further spare rows
+SPARE = 4  # spare rows per node (inverse) at order 2
+MORE = 2 * SCRATCH_ROWS  # further spare rows
 FRACTION, SAMPLE, SEED = 7, 500, 0  # of nodes for the price of the first swaps (inverse), least number, random seed
 # Most exchanges per recycling of a whole plan, by order. Later nodes undo the effect of more.
 EXCHANGES = 1, 3
@@ -82,7 +83,8 @@ def weighed(mesh: OpenTetrahedra, function: Callable[[], Function], offers: Offe
     `function` returns the function with scratch of its thread. Costs above the largest worthwhile one are not computed.
     Gains and costs depend on the current mesh alone, and therefore not on the number of threads.
     """
-    count, rows = len(nodes), (len(mesh.position), len(mesh.elements.node))
+    count = len(nodes)
+    rows = (len(mesh.position), len(mesh.elements.node))
     cuts = even_cuts(count, max(FEW, count // SCRATCH_ROWS))
     own = [mesh, *(mesh._replace(cavity=Cavity.of(*rows)) for _ in cuts[2:])]
 
@@ -129,7 +131,8 @@ def on_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
 
 def edges_of_patches(mesh: OpenTetrahedra, some: Mask) -> Mask:
     # edges of elements, (m, 6), also of elements without a face there
-    node, count = mesh.elements.node, len(mesh.position)
+    node = mesh.elements.node
+    count = len(mesh.position)
     used = np.flatnonzero(node[:, 0] >= 0)
     key = keys_of(ascending(node[used][:, EDGES[:, 0]], node[used][:, EDGES[:, 1]]), count)
     e, k = np.nonzero(np.append(some, False)[mesh.elements.patch[used]])

@@ -139,7 +139,8 @@ class SolidFunctional:
         law, tables = laws_of_regions(ritz, number, steepest(mesh, ritz) if any(ritz.laws) else 0.0)
         driven, of_reduced = sides_of(tet, surfaces, reduced)
         on = dirichlet_on(tet, surfaces, movable.freedom, solution, of_reduced)
-        patches, curved = len(surfaces.shape), surfaces.shape != PLANE
+        patches = len(surfaces.shape)
+        curved = surfaces.shape != PLANE
         if len(nodal):
             driven |= with_loads(tet, movable.freedom, solution.surface, patches)
         free = (~on.unknown & (~on.dirichlet | on.linear))[:patches] & ~driven & (ritz.order == 1)
@@ -160,7 +161,8 @@ class SolidFunctional:
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
         data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
-        places, comparable = (on.dirichlet, held, driven, on.unknown, on.rate), ritz.comparable and same_space
+        places = (on.dirichlet, held, driven, on.unknown, on.rate)
+        comparable = ritz.comparable and same_space
         return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
 
     @classmethod
@@ -201,9 +203,11 @@ class SolidFunctional:
         if not callable(self.ritz.source):
             return
         used = elements.node[:, 0] >= 0
-        node, region = elements.node[used].T, elements.region[used]
+        node = elements.node[used].T
+        region = elements.region[used]
         shape = trial.source.shape
-        corners, row = position.T[:, node], (node * np.int64(shape[1]) + region).ravel()
+        corners = position.T[:, node]
+        row = (node * np.int64(shape[1]) + region).ravel()
         functions = ElementFunctions(corners, 1, np.zeros(region.shape, bool))
         loads = source_loads(functions, self.number[region], self.ritz.source)
         six = np.broadcast_to(np.abs(TETRAHEDRON.determinant(corners)), node.shape)
@@ -227,8 +231,10 @@ class SolidFunctional:
     def value_on(
         self, position: Floats, elements: Tetrahedra, trial: TrialFunction, curves: CurvedEdges | None = None
     ) -> float:
-        used, values = elements.node[:, 0] >= 0, trial.values
-        node, number = elements.node[used].T, self.number[elements.region[used]]
+        used = elements.node[:, 0] >= 0
+        values = trial.values
+        node = elements.node[used].T
+        number = self.number[elements.region[used]]
         on_corners = corner_values(values, trial.surface, node, reduced_regions(self.ritz.surface, number))
         if trial.modes is not None:  # without the work of loads, whose values do not change
             coefficients = np.vstack([on_corners, trial.modes.side[used, :, 0].T])
@@ -240,7 +246,8 @@ class SolidFunctional:
 
 def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mask) -> TrialFunction:
     values, fixed = np.asarray(ritz.values), np.asarray(ritz.fixed)
-    n, m = tet.nnodes, len(tet.elements.node)
+    n = tet.nnodes
+    m = len(tet.elements.node)
     surface, own = nodal_terms(ritz.surface), terms_at_nodes(nodal_terms(ritz.surface), mesh)
     if ritz.order == 1:
         return TrialFunction(values.copy(), fixed.copy(), None, surface=own)

@@ -72,7 +72,8 @@ def dirichlet_on(
 
 def sides_of(tet: Tetrahedralization, surfaces: Surfaces, reduced: Mask) -> tuple[Mask, Mask]:
     # Patches between reduced regions and the rest, (p,), and patches and ridges beside reduced regions alone, (p + r,)
-    patches, elements = len(surfaces.shape), tet.elements
+    patches = len(surfaces.shape)
+    elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
     count = [
         np.bincount(elements.patch[e, k], weights=reduced[elements.region[e]] == side, minlength=patches) > 0
@@ -118,7 +119,8 @@ def ends_of_ridges(tet: Tetrahedralization, surfaces: Surfaces, freedom: Freedom
     held node is an end if as many patches have the edge to a sliding node as meet in the ridge.
     """
     elements, n = tet.elements, tet.nnodes
-    patches, slides = len(surfaces.shape), freedom.number == ON_RIDGE
+    patches = len(surfaces.shape)
+    slides = freedom.number == ON_RIDGE
     e, k = np.nonzero(elements.patch >= 0)
     corners, patch = faces_of(elements, e, k).astype(np.int64), elements.patch[e, k].astype(np.int64)
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()

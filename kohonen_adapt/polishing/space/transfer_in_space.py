@@ -33,7 +33,8 @@ def transferred_in_space(
     and loads are evaluated on the moved mesh.
     """
     solution, freedom, old = functional.solution, movable.freedom, before.tetrahedralization
-    position, surface = movable.tetrahedralization.position, surface_on(functional, before, movable)
+    position = movable.tetrahedralization.position
+    surface = surface_on(functional, before, movable)
     reduced = reduced_regions(functional.ritz.surface, functional.number)
     starts = (
         start_element if not len(surface) else starts_outside(reduced, old, movable.tetrahedralization, start_element)
@@ -124,7 +125,8 @@ def carried_modes(
     astray = np.flatnonzero(reduced[old.elements.region[start]] != in_reduced)
     start[astray] = nearest_in(old, middle[astray], region[astray])
     found, weights = located(old, middle, start)
-    corners, nodal = old.elements.node[found].T, (solution.surface, at_nodes.surface)
+    corners = old.elements.node[found].T
+    nodal = (solution.surface, at_nodes.surface)
     on_corners = corner_values(solution.values, nodal[0], corners, in_reduced).T
     on_ends = corner_values(at_nodes.values, nodal[1], ends.T, in_reduced)
     mode = quadratic_values(solution, on_corners, found, weights) - on_ends.mean(axis=0)
