@@ -121,9 +121,7 @@ def listed_numbers(values: Floats, most: int) -> str:
 
 
 def level_of_share(values: Floats, weights: Floats, share: float) -> float:
-    order = np.argsort(values)
-    running = np.cumsum(weights[order])
-    return float(values[order][np.searchsorted(running, share * running[-1])])
+    return float(np.quantile(values, share, weights=weights, method="inverted_cdf"))
 
 
 def decades_of(arrays: Sequence[Floats]) -> tuple[float, float]:

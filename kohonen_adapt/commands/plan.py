@@ -190,14 +190,16 @@ def permeability_doubt(name: str, permeability: float) -> str:
 
 def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
     rim, cell = mesh.boundary_facets(), cell_of(mesh)
+    nodes = np.unique(mesh.facets[:, rim])
+    tree = cKDTree(mesh.p[:, nodes].T)
     yield (
-        _coincident(mesh, rim),
+        nodes[np.unique(tree.query_pairs(SAME * width_of(mesh), output_type="ndarray"))],
         "coincident rim node",
         ": the parts on both sides are not connected there. Unless a slit is intended, merge them (Gmsh: Coherence, or "
         "BooleanFragments).",
     )
     yield (
-        _hanging(mesh, rim),
+        _hanging(mesh, rim, nodes, tree),
         "hanging node",
         f", inside {cell.facet} of another {cell.name}, so the field has a gap there. Mesh both sides together.",
     )
@@ -209,20 +211,12 @@ def seams(mesh: Mesh) -> Iterator[tuple[Ints, str, str]]:
     )
 
 
-def _coincident(mesh: Mesh, rim: Ints) -> Ints:
-    nodes = np.unique(mesh.facets[:, rim])
-    found = cKDTree(mesh.p[:, nodes].T).query_pairs(SAME * width_of(mesh), output_type="ndarray")
-    return nodes[np.unique(found)]
-
-
-def _hanging(mesh: Mesh, rim: Ints) -> Ints:
+def _hanging(mesh: Mesh, rim: Ints, nodes: Ints, tree: cKDTree) -> Ints:
     corners = mesh.p[:, mesh.facets[:, rim]]
     centre = corners.mean(axis=1)
     reach = magnitude(corners - centre[:, None]).max(axis=0)
-    nodes = np.unique(mesh.facets[:, rim])
-    near = cKDTree(mesh.p[:, nodes].T).query_ball_point(centre.T, reach * (1.0 - SAME))
-    facet = np.repeat(np.arange(len(rim)), [len(found) for found in near])
-    node = nodes[np.concatenate([np.asarray(found, int) for found in near])]
+    near = tree.query_ball_point(centre.T, reach * (1.0 - SAME))
+    facet, node = np.repeat(np.arange(len(rim)), list(map(len, near))), nodes[np.concatenate(near).astype(int)]
     at, own = mesh.p[:, node], corners[:, :, facet]
     tolerance = SAME * reach[facet]
     is_corner = magnitude(at[:, None] - own).min(axis=0) <= tolerance

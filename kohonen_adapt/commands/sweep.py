@@ -91,7 +91,7 @@ class CaseOutputs:
     def case(self, values: Mapping[str, float]) -> Case:
         given = with_options(tomllib.loads(self.text), self.options)
         for name, value in values.items():
-            given = _changed(given, _path(name), value)
+            given = _merged(given, _table(name, value))
         return case_of(given, self.file.parent)
 
 
@@ -204,32 +204,27 @@ def _values(over: str) -> tuple[str, list[float]]:
         raise ValueError(
             f"--over expected NAME=FIRST:LAST:COUNT, as materials.coil.current_density=0:2e6:11; got '{over}'."
         ) from None
-    _path(name)
+    _table(name, 0)
     counted = re.fullmatch(r"[+-]?\d+", first) and re.fullmatch(r"[+-]?\d+", last) and (values == values.round()).all()
     return name, (values.astype(int) if counted else values).tolist()
 
 
-def _path(name: str) -> list[str]:
+def _table(name: str, value: float) -> dict[str, Any]:
     try:
-        table = tomllib.loads(f"{name} = 0")
+        return tomllib.loads(f"{name} = {value!r}")
     except tomllib.TOMLDecodeError:
         raise ValueError(
             f"--over expected a dotted key of the case; got '{name}'. Keys with special characters need quotes."
         ) from None
-    path: list[str] = []
-    while isinstance(table, dict):
-        ((key, table),) = table.items()
-        path.append(key)
-    return path
 
 
-def _changed(table: Mapping[str, Any], path: list[str], value: float) -> dict[str, Any]:
-    key, *rest = path
-    if not rest:
-        return {**table, key: value}
-    below = table.get(key, {})
-    if not isinstance(below, Mapping):
-        raise ValueError(
-            f"--over expected a key of the case; '{key}' is {below!r} in the case, and has no key '{rest[0]}'."
-        )
-    return {**table, key: _changed(below, rest, value)}
+def _merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    ((key, value),) = changes.items()
+    if isinstance(value, Mapping):
+        below = table.get(key, {})
+        if not isinstance(below, Mapping):
+            raise ValueError(
+                f"--over expected a key of the case; '{key}' is {below!r} in the case, and has no key '{min(value)}'."
+            )
+        value = _merged(below, value)
+    return {**table, key: value}

@@ -25,8 +25,7 @@ __all__ = ["is_freefem", "is_mfem", "read_freefem", "read_mfem"]
 LINE, TRIANGLE, TETRAHEDRON = 1, 2, 4
 COUNTS = re.compile(rb"\s*[0-9]+[ \t]+[0-9]+[ \t]+[0-9]+[ \t\r]*\n")
 MFEM = b"MFEM mesh v1."
-GEOMETRIES = {1: LINE, 2: TRIANGLE, 4: TETRAHEDRON}
-OTHERS = {0: 15, 3: 3, 5: 5, 6: 6, 7: 7}  # refused later, by the names of their shapes
+GEOMETRIES = {0: 15, 1: LINE, 2: TRIANGLE, 3: 3, 4: TETRAHEDRON, 5: 5, 6: 6, 7: 7}  # others are refused by their shapes
 SECTIONS = re.compile(r"(?m)^([a-z_]+)[ \t\r]*$")
 
 
@@ -47,9 +46,12 @@ def read_freefem(path: Path) -> Content:
         if len(values) != ends[-1]:
             raise ValueError(f"it announces {ends[-1]} numbers and has {len(values)}")
         points = in_space(values[3 : ends[0]].reshape(-1, 3)[:, :2])
-        tables = [values[ends[0] : ends[1]].reshape(-1, 4), values[ends[1] :].reshape(-1, 3)]
-        rows = [table.astype(int) for table in tables]
-        sets = [(kind, table[:, :-1] - 1, table[:, -1]) for kind, table in zip((TRIANGLE, LINE), rows, strict=True)]
+        _, *tables = np.split(values.astype(int), ends)
+        sets = [
+            (kind, rows[:, :-1] - 1, rows[:, -1])
+            for kind, corners, table in zip((TRIANGLE, LINE), (3, 2), tables, strict=False)
+            for rows in [table.reshape(-1, corners + 1)]
+        ]
         return content_of_sets(points, _named(sets, 2))
 
 
@@ -73,7 +75,7 @@ def _rows(words: Ints) -> Iterator[tuple[int, Ints, Ints]]:
     rows: dict[int, list[Ints]] = {}
     start = 1
     for _ in range(words[0]):
-        kind = (GEOMETRIES | OTHERS)[int(words[start + 1])]
+        kind = GEOMETRIES[int(words[start + 1])]
         end = start + 2 + nodes_per_element(kind)
         rows.setdefault(kind, []).append(words[start:end])
         start = end

@@ -111,19 +111,20 @@ def test_a_sweep_that_was_stopped_before_its_first_case(case, here, out):
 
 
 @pytest.mark.parametrize(
-    ("over", "path", "values"),
+    ("over", "table", "values"),
     [
-        ("adapt.passes=0:4:3", ["adapt", "passes"], [0, 2, 4]),
-        ("a.b=0:1:3", ["a", "b"], [0.0, 0.5, 1.0]),
-        ("a=0:2e6:3", ["a"], [0.0, 1e6, 2e6]),
-        ('materials."coil 1.a".current_density=-1:1:1', ["materials", "coil 1.a", "current_density"], [-1]),
+        ("adapt.passes=0:4:3", {"adapt": {"passes": 4}}, [0, 2, 4]),
+        ("a.b=0:1:3", {"a": {"b": 1.0}}, [0.0, 0.5, 1.0]),
+        ("a=0:2e6:3", {"a": 2e6}, [0.0, 1e6, 2e6]),
+        ('materials."coil 1.a".current_density=-1:1:1', {"materials": {"coil 1.a": {"current_density": -1}}}, [-1]),
     ],
 )
-def test_names_and_values(over, path, values, monkeypatch):
-    from kohonen_adapt.commands.sweep import _path, _values
+def test_names_and_values(over, table, values):
+    from kohonen_adapt.commands.sweep import _table, _values
 
     name, found = _values(over)
-    assert (_path(name), found) == (path, values) and {type(value) for value in found} == {type(values[0])}
+    assert found == values and {type(value) for value in found} == {type(values[0])}
+    assert _table(name, found[-1]) == table
 
 
 @pytest.mark.parametrize(
