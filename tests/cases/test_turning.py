@@ -5,7 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from helpers.meshes import centres
+from helpers.meshes import centres, circle, shells
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
@@ -34,14 +34,9 @@ torque = {quantity = "torque", body = "magnet"}
 
 def machine():
     """A round magnet in air, turning with the air up to a ring; "coil" are two sides of a coil, at 3 and 9 o'clock."""
-    radii, angle = np.linspace(0.0, 1.0, 11)[1:], 2 * np.pi * np.arange(NODES) / NODES
-    x = np.hstack([np.zeros((2, 1)), *(r * np.stack([np.cos(angle), np.sin(angle)]) for r in radii)])
-    ring = 1 + np.arange(NODES * len(radii)).reshape(len(radii), NODES)
-    ahead = np.roll(ring, -1, axis=1)
-    triangles = [np.stack([np.zeros(NODES, int), ring[0], ahead[0]])]
-    for low, high, after, beyond in zip(ring, ring[1:], ahead, ahead[1:], strict=False):
-        triangles += [np.stack([low, high, beyond]), np.stack([low, beyond, after])]
-    mesh = MeshTri(x, np.hstack(triangles))
+    rings = shells([radius * circle(NODES) for radius in (0.1, 1.0)], 9)
+    fan = np.stack([np.full(NODES, -1), np.arange(NODES), np.roll(np.arange(NODES), -1)])
+    mesh = MeshTri(np.hstack([np.zeros((2, 1)), rings.p]), 1 + np.hstack([fan, rings.t]))
     return mesh.with_boundaries({"outer": lambda x: np.hypot(*x) > 0.98}).with_subdomains(
         {
             "rotor": lambda x: np.hypot(*x) < 0.5,

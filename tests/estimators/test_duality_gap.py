@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.linear_problems import assembled, solved
+from helpers.linear_problems import Linear, assembled, rim_of
 from helpers.meshes import generic_square, inset
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from skfem import Basis, BilinearForm, ElementTriP0, ElementTriP1, MeshTri
 from skfem.helpers import dot, grad
 
-from kohonen_adapt.estimators import duality_gap, equilibrated, equilibrated_flux
+from kohonen_adapt.estimators import duality_gap, equilibrated_flux
 from kohonen_adapt.mesh.measures import area, gradient
 
 
@@ -35,7 +35,7 @@ class Sinh:
         return h * np.arcsinh(h / self.a) - np.hypot(self.a, h) + self.a
 
 
-class Linear:
+class LinearLaw:
     """H = a b."""
 
     def __init__(self, reluctivity):
@@ -129,33 +129,34 @@ def test_the_gap_is_near_the_height(load):
 def linear_problem():
     mesh, rng = generic_square(7, 3), np.random.default_rng(0)
     nu, count = 10 ** rng.uniform(-2, 0, mesh.nelements), mesh.nelements
-    fields = {"source": rng.normal(size=count), "flux": rng.normal(size=(2, count))}
-    matrix, load = assembled(mesh, nu, **fields)
-    potential = solved(matrix, load, np.zeros(load.size), mesh.boundary_nodes())
-    return mesh, potential, nu, fields
+    source, flux = rng.normal(size=count), rng.normal(size=(2, count))
+    return Linear(mesh, np.zeros(mesh.nvertices), rim_of(mesh), nu, source, flux)
 
 
 def test_for_linear_material_it_is_the_equilibrated_estimate():
-    mesh, potential, nu, fields = linear_problem()
-    law, field = Linear(nu), equilibrated_flux(mesh, potential, nu, **fields)
-    gap = duality_gap(mesh, potential, field, law.energy, law.coenergy, flux=fields["flux"])
-    assert_allclose(gap, equilibrated(mesh, potential, nu, **fields), rtol=1e-6)
+    problem = linear_problem()
+    law, mesh = LinearLaw(problem.reluctivity), problem.mesh
+    gap = duality_gap(mesh, problem.potential, problem.sigma(), law.energy, law.coenergy, flux=problem.flux)
+    assert_allclose(gap, problem.estimate(), rtol=1e-6)
+
+
+FLAT = MeshTri(np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.0]]), np.array([[0, 0], [1, 1], [2, 3]]))
 
 
 def test_wrong_arguments_are_named():
-    mesh, potential, nu, fields = linear_problem()
-    law, field = Linear(nu), equilibrated_flux(mesh, potential, nu, **fields)
-    count = nu.size
-    with pytest.raises(ValueError, match=rf"field must have shape \(2, 3, nelements\) = \(2, 3, {count}\)"):
-        duality_gap(mesh, potential, field[:, 0], law.energy, law.coenergy)
-    with pytest.raises(ValueError, match="field must be finite; it is not at 1 of"):
-        broken = field.copy()
-        broken[0, 1, 4] = np.nan
-        duality_gap(mesh, potential, broken, law.energy, law.coenergy)
-    with pytest.raises(
-        ValueError, match=rf"energy must return a finite density .* shape \(1, {count}\); got shape \(\)"
-    ):
-        duality_gap(mesh, potential, field, lambda b: 1.0, law.coenergy)
-    with pytest.raises(ValueError, match="every element must have an area above zero"):
-        flat = MeshTri(np.array([[0.0, 1.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.0]]), np.array([[0, 0], [1, 1], [2, 3]]))
-        duality_gap(flat, np.zeros(4), np.zeros((2, 3, 2)), law.energy, law.coenergy)
+    problem = linear_problem()
+    mesh, potential, field, law = problem.mesh, problem.potential, problem.sigma(), LinearLaw(problem.reluctivity)
+    count, broken = mesh.nelements, field.copy()
+    broken[0, 1, 4] = np.nan
+    calls = {
+        rf"field must have shape \(2, 3, nelements\) = \(2, 3, {count}\)": (mesh, potential, field[:, 0], law.energy),
+        "field must be finite; it is not at 1 of": (mesh, potential, broken, law.energy),
+        rf"energy must return a finite density .* shape \(1, {count}\); got shape \(\)": (
+            *(mesh, potential, field),
+            lambda b: 1.0,
+        ),
+        "every element must have an area above zero": (FLAT, np.zeros(4), np.zeros((2, 3, 2)), law.energy),
+    }
+    for message, arguments in calls.items():
+        with pytest.raises(ValueError, match=message):
+            duality_gap(*arguments, law.coenergy)

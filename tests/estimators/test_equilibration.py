@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from helpers.examples import examples
-from helpers.linear_problems import assembled, solved
+from helpers.linear_problems import Linear
 from helpers.meshes import comb, generic_square, holed, slit, square
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,53 +14,6 @@ from kohonen_adapt.estimators import equilibrated, equilibrated_flux
 from kohonen_adapt.mesh.measures import area
 
 # --- problems: a mesh, data per element, and values given on some of the boundary ---------------------------------
-
-
-class Data:
-    """A problem on a mesh and its P1 solution, by scikit-fem's own forms."""
-
-    def __init__(self, mesh, values, fixed, reluctivity, source, flux):
-        self.mesh, self.fixed, self.reluctivity, self.source, self.flux = mesh, fixed, reluctivity, source, flux
-        self.values = values
-        self.potential = self.solved()
-        for array in (mesh.p, mesh.t, self.potential, reluctivity, source, flux, fixed):
-            array.setflags(write=False)  # arguments stay as they are
-
-    def solved(self):
-        self.matrix, load = assembled(self.mesh, self.reluctivity, self.source, self.flux)
-        return solved(self.matrix, load, self.values, self.fixed)
-
-    def refined(self):
-        """The same problem, each element cut in four; given values are linear along the old facets."""
-        fixed = self.fixed[self.mesh.facets].all(axis=0) & (self.mesh.f2t[1] < 0)
-        return Data(
-            self.mesh.refined(),
-            self.onto_refined(self.values),
-            np.concatenate((self.fixed, fixed)),
-            np.tile(self.reluctivity, 4),
-            np.tile(self.source, 4),
-            np.tile(self.flux, 4),
-        )
-
-    def onto_refined(self, nodal):
-        return np.concatenate((nodal, nodal[self.mesh.facets].mean(axis=0)))
-
-    def error(self, levels=2):
-        """Distance to the solution on finer meshes: below the error, and the nearer to it the more levels."""
-        potential, finer = self.potential, self
-        for _ in range(levels):
-            potential, finer = finer.onto_refined(potential), finer.refined()
-        difference = finer.potential - potential
-        return np.sqrt(difference @ finer.matrix @ difference)
-
-    def arguments(self):
-        return {"source": self.source, "flux": self.flux, "fixed": self.fixed}
-
-    def estimate(self):
-        return equilibrated(self.mesh, self.potential, self.reluctivity, **self.arguments())
-
-    def sigma(self):
-        return equilibrated_flux(self.mesh, self.potential, self.reluctivity, **self.arguments())
 
 
 def ends_of(mesh, share, rng):
@@ -79,7 +32,7 @@ def random_data(mesh, seed, share=0.5, contrast=3.0):
     count = mesh.nelements
     reluctivity = 10 ** rng.uniform(-contrast, 0, count)
     source, flux = rng.normal(size=count), rng.normal(size=(2, count))
-    return Data(mesh, rng.normal(size=mesh.nvertices), ends_of(mesh, share, rng), reluctivity, source, flux)
+    return Linear(mesh, rng.normal(size=mesh.nvertices), ends_of(mesh, share, rng), reluctivity, source, flux)
 
 
 MESHES = {
@@ -181,7 +134,7 @@ def test_effectivity_with_a_source():
     mesh = square(24)
     fixed, one = np.zeros(mesh.nvertices, dtype=bool), np.ones(mesh.nelements)
     fixed[mesh.boundary_nodes()] = True
-    data = Data(mesh, np.zeros(fixed.size), fixed, one, one, np.zeros((2, one.size)))
+    data = Linear(mesh, np.zeros(fixed.size), fixed, one, one, np.zeros((2, one.size)))
     assert 1.0 < np.linalg.norm(data.estimate()) / data.error(levels=3) < 1.06
 
 
@@ -226,7 +179,7 @@ def test_values_given_inside_are_refused():
     mesh = generic_square(6, 1)
     data = random_data(mesh, 1, share=1.0)
     inner = mesh.interior_nodes()[3]
-    pinned = Data(mesh, data.values, data.fixed | (np.arange(data.fixed.size) == inner), *data_fields(data))
+    pinned = Linear(mesh, data.values, data.fixed | (np.arange(data.fixed.size) == inner), *data_fields(data))
     with pytest.raises(ValueError, match=f"first {inner} .fixed, but without a boundary facet of given values"):
         pinned.estimate()
 

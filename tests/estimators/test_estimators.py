@@ -9,8 +9,6 @@ from helpers.tetrahedra import generic_cube, thrown
 from numpy.testing import assert_allclose
 from skfem import (
     Basis,
-    MeshHex,
-    MeshQuad,
     MeshTet,
     MeshTet2,
     MeshTri,
@@ -334,17 +332,10 @@ def test_wrong_arguments_are_named(estimator, dim, change, message):
 
 
 @BOTH
-@DIMENSIONS
-def test_other_meshes_are_refused(estimator, dim):
-    for mesh in (MeshQuad(), MeshTri2()) if dim == 2 else (MeshHex(), MeshTet2()):
-        with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri or MeshTet; got {type(mesh).__name__}"):
-            estimator(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.nelements))
-    corners = np.hstack([np.zeros((dim, 1)), np.eye(dim)])
-    corners[-1] = corners[0]
-    flat = type(grid(*[np.arange(2.0)] * dim))(corners, np.arange(dim + 1)[:, None])
-    size = "an area" if dim == 2 else "a volume"
-    with pytest.raises(ValueError, match=f"every element must have {size} above zero; 1 have none"):
-        estimator(flat, np.zeros(dim + 1), np.ones(1))
+@pytest.mark.parametrize("mesh", [MeshTri2(), MeshTet2()])
+def test_meshes_of_second_order_are_refused(estimator, mesh):
+    with pytest.raises(ValueError, match=f"mesh must be a skfem.MeshTri or MeshTet; got {type(mesh).__name__}"):
+        estimator(mesh, np.zeros(mesh.p.shape[1]), np.ones(mesh.nelements))
 
 
 @BOTH

@@ -36,15 +36,6 @@ def refused(message, mesh=MESH, problem=None, **arguments):
     return problem
 
 
-@pytest.mark.parametrize("mesh", [None, "square.msh"])
-@pytest.mark.parametrize("options", [{}, {"target_nodes": 30}])
-def test_what_is_no_mesh(mesh, options):
-    kind = type(mesh).__name__
-    remedy = "Build one with skfem.MeshTri or MeshTet or kohonen_adapt.read_mesh."
-    message = f"mesh must be a skfem.MeshTri, MeshTri2, MeshTet or MeshTet2; got {kind}. {remedy}"
-    assert refused(message, mesh=mesh, **options).solves == 0
-
-
 def with_(**attributes):
     problem = Constant()
     vars(problem).update(attributes)

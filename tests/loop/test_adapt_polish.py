@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.meshes import l_shape, on_rim
-from helpers.scalar_problems import Load, magnet, magnet_mesh
-from skfem import Basis, ElementTriP1, MeshTri, condense, solve
-from skfem.models.poisson import laplace, unit_load
+from helpers.scalar_problems import Load, Scalar, magnet, magnet_mesh
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.problem.functional_value import functional_value
@@ -20,14 +19,11 @@ class Plain(Load):
     ritz = None
 
 
-class Saddle(Load):
+class Saddle(Scalar):
     """Laplace with values on the boundary that no straight line follows."""
 
-    def solve(self, mesh):
-        return solve(*condense(laplace.assemble(Basis(mesh, ElementTriP1())), x=cubic(mesh.p), D=mesh.boundary_nodes()))
-
-    def ritz(self, mesh, solution):
-        return ka.Ritz(solution, on_rim(mesh), 1.0)
+    def given(self, x):
+        return x[0] ** 3 - 3 * x[0] * x[1] ** 2
 
 
 class Striped(Load):
@@ -35,10 +31,6 @@ class Striped(Load):
 
     def ritz(self, mesh, solution):
         return ka.Ritz(solution, on_rim(mesh), (1.0, 2.0), region=np.arange(mesh.nelements) % 2)
-
-
-def cubic(x):
-    return x[0] ** 3 - 3 * x[0] * x[1] ** 2
 
 
 @cache
@@ -159,14 +151,11 @@ def test_the_message_says_where_growth_ends():
 def test_values_given_on_an_edge_that_turn_out_not_to_be_linear():
     """The input has no node on the left side but its ends: only new ones see the bump there."""
 
-    class Bump(Load):
-        def solve(self, mesh):
-            basis, (x, y) = Basis(mesh, ElementTriP1()), mesh.p
-            given = np.where(x == 0.0, y * (1 - y), 0.0)
-            edge = mesh.boundary_nodes()
-            return solve(*condense(laplace.assemble(basis), unit_load.assemble(basis), x=given, D=edge))
+    class Bump(Scalar):
+        def given(self, x):
+            return np.where(x[0] == 0.0, x[1] * (1 - x[1]), 0.0)
 
-    result = ka.adapt(MeshTri(), Bump(), passes=4, target_nodes=300)
+    result = ka.adapt(MeshTri(), Bump(source=1.0), passes=4, target_nodes=300)
     assert result.mesh.nvertices == 300
     text = r"because the polish held \d+ nodes? \(Dirichlet values that are not linear along .*\)\.$"
     assert re.search(f" compared by the estimate, {text}", result.message)

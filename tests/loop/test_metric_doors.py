@@ -31,15 +31,6 @@ def mapped(mesh, tensor):
     return MeshTri(np.linalg.cholesky(tensor).T @ mesh.p, mesh.t)
 
 
-@pytest.mark.parametrize("topology", ["flip", "fixed", "recycle"])
-def test_round_tensors_give_the_meshes_of_their_densities(topology):
-    mesh = square(12)
-    density = 1.0 + 9.0 * mesh.p[0, mesh.t].mean(axis=0)
-    moved = ka.relocate(mesh, density[:, None, None] * np.eye(2), topology=topology)
-    assert_array_equal(moved.p, ka.relocate(mesh, density, topology=topology).p)
-    assert_array_equal(moved.t, ka.relocate(mesh, density, topology=topology).t)
-
-
 @pytest.mark.parametrize("form", ["array", "function", "sizes"])
 def test_edges_are_long_where_the_metric_has_them_long(form):
     mesh = square(24)

@@ -33,42 +33,26 @@ def axes():
     return Figure().subplots()
 
 
-def test_the_page(tmp_path):
+def test_the_page_has_its_labels_and_nothing_is_cut_off(tmp_path):
+    """Every title, label and number lies inside the page, and no two titles meet."""
     mesh = two_regions()
     before, after = a_result(mesh, np.linspace(0.1, 2.0, 128)), a_result(mesh, np.full(128, 0.3))
-    figure = plotting.adaptation_figure(
-        before,
-        after,
-        potential=mesh.p[0],
-        magnitude=np.linspace(0.0, 1.0, 128),
-        magnitude_label="|B| (T)",
-        unit="mm",
-        errors=[0.9, 0.4],
-    )
+    values = {
+        "potential": mesh.p[0],
+        "magnitude": np.linspace(0.0, 1.0, 128),
+        "magnitude_label": "flux density |B| (T)",
+    }
+    figure = plotting.adaptation_figure(before, after, **values, unit="mm", errors=[0.9, 0.4])
     figure.savefig(tmp_path / "page.png", dpi=50)
     assert (tmp_path / "page.png").stat().st_size > 10_000
-    labels = [each.get_xlabel() for each in figure.axes] + [each.get_ylabel() for each in figure.axes]
-    for label in (
-        "x (mm)",
-        "y (mm)",
-        "|B| (T)",
-        "error indicator of an element",
-        "relocations, with 81 nodes",
-        "energy-norm error (%)",
-    ):
-        assert label in labels
+    labels = {label for each in figure.axes for label in (each.get_xlabel(), each.get_ylabel())}
+    assert labels >= {
+        *("x (mm)", "y (mm)", "flux density |B| (T)", "error indicator of an element"),
+        *("relocations, with 81 nodes", "energy-norm error (%)"),
+    }
     shades = [each.collections[0] for each in figure.axes if "indicators" in each.get_title()]
     assert len(shades) == 2 and shades[0].norm is shades[1].norm
     assert (shades[0].norm.vmin, shades[0].norm.vmax) == pytest.approx((2e-3, 2.0))
-
-
-def test_nothing_is_cut_off():
-    """Every title, label and number lies inside the page, and no two titles meet."""
-    mesh = two_regions()
-    result = a_result(mesh, np.linspace(0.1, 2.0, 128))
-    figure = plotting.adaptation_figure(
-        result, result, potential=mesh.p[0], magnitude=np.ones(128), magnitude_label="flux density |B| (T)"
-    )
     figure.draw_without_rendering()
     page = figure.bbox
     for each in figure.axes:
