@@ -11,7 +11,7 @@ from skfem import MeshTet
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels import ordering
-from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
+from kohonen_adapt.kernels.arrays import Lesson, SearchScratch
 from kohonen_adapt.kernels.draw import draw_points
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.search import squared_distance_to_side
@@ -20,10 +20,7 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     INSIDE,
     ON_PATCH,
     ON_RIDGE,
-    Constraints,
-    Star,
 )
-from kohonen_adapt.kernels.tetrahedron.geometry import fill_star
 from kohonen_adapt.kernels.tetrahedron.guard import mark_valid
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners
 from kohonen_adapt.kernels.tetrahedron.metric import ROUND
@@ -36,18 +33,9 @@ class Map:
 
     def __init__(self, mesh, floor=0.2):
         self.solid, self.floor = MovableSolid.of(mesh, Rules("fixed")), floor
-        self.position, self.elements = self.solid.tetrahedralization.position, self.solid.tetrahedralization.elements
-        n, m = len(self.position), len(self.elements.node)
-        star = Star.of(n, m)
-        fill_star(self.elements.node, star)
-        region = np.full((2, n), -1)
-        region[0, self.elements.node[::-1]], region[1, self.elements.node] = (
-            self.elements.region[::-1, None],
-            self.elements.region[:, None],
-        )
-        constraints = Constraints(self.solid.freedom, self.solid.surfaces, region[0] == region[1])
-        self.neurons = KernelMesh(self.position, self.elements, star, constraints)
-        self.scratch = SearchScratch.of(n, m)
+        self.neurons = self.solid.kernel_mesh()
+        self.position, self.elements = self.neurons.position, self.neurons.elements
+        self.scratch = SearchScratch.of(len(self.position), len(self.elements.node))
 
     def search(self, points, region, hints):
         winners, distances = np.empty(len(points), dtype=np.int32), np.empty(len(points))

@@ -412,6 +412,7 @@ def test_how_it_ends(script, options, status, passes, best, said):
     assert all(step.mesh is solved for step, solved in zip(result.history, problem.calls, strict=False))
     assert estimates(result) == pytest.approx(script[: passes + 1])
     assert (result.error is not None) == (status is Status.FAILED)
+    assert all(each == each.name.lower() for each in Status)
     assert result.error in [*script, SINGULAR, FULL, None]
     name = f"pass {best}" if best else "the input"
     assert result.message == said + ENDS[status].format(best=name, error=10.0 * script[best])

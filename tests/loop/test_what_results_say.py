@@ -98,12 +98,16 @@ def test_a_goal_whose_error_cannot_be_estimated_costs_no_result(trouble):
         assert result.message.endswith(" The error of the goal could not be estimated: LinAlgError: singular.")
 
 
-def test_the_error_of_the_energy_is_the_square_of_that_of_the_norm():
-    history = adapt(MESH, Script([4.0, 0.05]), passes=1).history
-    assert [energy_error(step) for step in history] == pytest.approx([16.0, 0.0025])
+@pytest.mark.parametrize(
+    ("last", "norms"), [(0.05, ["40.00", "0.50"]), (0.002, ["40.00", "0.02"]), (0.00012345, ["40.0000", "0.0012"])]
+)
+def test_the_error_of_the_energy_is_the_square_of_that_of_the_norm(last, norms):
+    """Small errors have two digits."""
+    history = adapt(MESH, Script([4.0, last]), passes=1).history
+    assert [energy_error(step) for step in history] == pytest.approx([16.0, last**2])
     columns = dict(table_columns(history)[1])
-    assert columns["Energy-norm error %"] == ["40.00", "0.50"]
-    assert columns["Energy error %"] == ["16.0000", "0.0025"]
+    assert columns["Energy-norm error %"] == norms
+    assert last < 0.05 or columns["Energy error %"] == ["16.0000", "0.0025"]
 
 
 # ---- which pass is the result, and whether its mesh is resolved ----
