@@ -290,3 +290,24 @@ def triangulations(i, k):
         return [[]]
     parts = [(one, other, j) for j in range(i + 1, k) for one in triangulations(i, j) for other in triangulations(j, k)]
     return [[*one, *other, (i, j, k)] for one, other, j in parts]
+
+
+def ringed(count):
+    """A mesh whose cavity is a ring of nodes around an edge, between nodes `count` and `count + 1`."""
+    rng = np.random.default_rng(count)
+    angles = np.sort(rng.uniform(0.0, 2 * np.pi, count)) if count > 5 else np.arange(count) * 2 * np.pi / count
+    ring = np.column_stack([np.cos(angles), np.sin(angles), rng.uniform(-0.1, 0.1, count)])
+    mesh = opened(*jittered((1, 1, 1), 0.0, 0))
+    mesh.cavity.ring[0, :count] = np.arange(count)
+    mesh.cavity.shell[:] = 0  # of the region of new elements
+    return mesh._replace(position=np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]]))
+
+
+def within_rings(count):
+    """All triangulations of a ring as elements with both ends of its edge."""
+    for triangles in triangulations(0, count - 1):
+        yield np.array([t for i, j, k in triangles for t in ((i, j, k, count + 1), (i, k, j, count))])
+
+
+def qualities_of(mesh):
+    return qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import check, jittered, opened, qualities, triangulations
+from helpers.boxes import check, jittered, opened, qualities, ringed, within_rings
 from helpers.functions_in_space import functional, functional_of, on_nodes
 
 from kohonen_adapt.kernels.numba.compilation import interpreted
@@ -90,23 +90,12 @@ def test_only_elements_that_have_changed_wait_again():
 @pytest.mark.parametrize("count", range(3, RING + 1))
 def test_the_triangulation_of_a_ring_has_the_least_functional_of_all_that_may_be(count):
     """Every triangulation of the polygon is looked at, and the dynamic program finds none below the least."""
-    rng, floor = np.random.default_rng(count), 0.3**3
-    angles = np.sort(rng.uniform(0.0, 2 * np.pi, count)) if count > 5 else np.arange(count) * 2 * np.pi / count
-    ring = np.column_stack([np.cos(angles), np.sin(angles), rng.uniform(-0.1, 0.1, count)])
-    mesh = opened(*jittered((1, 1, 1), 0.0, 0))
-    mesh = mesh._replace(position=np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]]))
+    mesh, floor = ringed(count), 0.3**3
     trial = on_nodes(mesh._replace(pool=mesh.pool._replace(anchor=np.full(len(mesh.position), -1))), count)
-    mesh.cavity.ring[0, :count] = np.arange(count)
-    mesh.cavity.shell[:] = 0
     found = -interpreted(rings.triangulate)(mesh, trial, 0, count, count, count + 1, rings.RULED_OUT, floor)
-    allowed = [made for made in map(elements_of(count), triangulations(0, count - 1)) if may_be(mesh, made, floor)]
+    allowed = [made for made in within_rings(count) if may_be(mesh, made, floor)]
     energies = [functional_of(mesh.position, trial, made, np.zeros(len(made), dtype=int)) for made in allowed]
     assert found == pytest.approx(min(energies, default=np.inf))
-
-
-def elements_of(count):
-    """Elements of triangles with both ends of the edge."""
-    return lambda triangles: np.array([t for i, j, k in triangles for t in ((i, j, k, count + 1), (i, k, j, count))])
 
 
 def may_be(mesh, made, floor):

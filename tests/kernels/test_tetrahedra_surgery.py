@@ -4,7 +4,19 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.boxes import ball, check, drum, jittered, opened, qualities, random_shapes, triangulations, volumes
+from helpers.boxes import (
+    ball,
+    check,
+    drum,
+    jittered,
+    opened,
+    qualities,
+    qualities_of,
+    random_shapes,
+    ringed,
+    volumes,
+    within_rings,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -77,7 +89,7 @@ def worlds(draw):
 def test_what_a_mesh_promises_holds_after_anything(world, steps):
     mesh, density = world
     count, by_region, by_patch = check(mesh)
-    floor = min(FLOOR, qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min())
+    floor = min(FLOOR, qualities_of(mesh).min())
     for step in steps:
         if step == "swap":
             swaps(mesh)
@@ -101,8 +113,7 @@ def test_nodes_stay_on_curved_patches_and_ridges(body):
     sagitta = body.origins.sagitta.copy()
     density = bump(np.array([1.0, 0.0, 0.0]), 30.0)
     body.origins.fineness[:] = np.cbrt(density(body.position))
-    node = body.elements.node[body.elements.node[:, 0] >= 0]
-    count, floor = check(body)[0], min(FLOOR, qualities(body.position, node).min())
+    count, floor = check(body)[0], min(FLOOR, qualities_of(body).min())
     swaps(body)
     check(body, floor)
     net, number = exchange(body, ratio=1.9)
@@ -134,38 +145,26 @@ def nodes_near(mesh):
 
 def test_when_no_element_waits_no_swap_is_left():
     mesh = opened(*jittered((4, 4, 4), 0.7, 3))
-    before = qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min()
+    before = qualities_of(mesh).min()
     assert swaps(mesh, limit=7) > 50
     assert swaps(mesh) == 0
-    assert qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0]).min() > before
+    assert qualities_of(mesh).min() > before
 
 
 @pytest.mark.parametrize("count", range(3, RING + 1))
 def test_the_best_triangulation_of_a_ring_is_that_of_brute_force(count):
     """Every triangulation of the polygon is looked at, and the dynamic program finds none worse than the best."""
-    rng = np.random.default_rng(count)
-    angles = np.sort(rng.uniform(0.0, 2 * np.pi, count)) if count > 5 else np.arange(count) * 2 * np.pi / count
-    ring = np.column_stack([np.cos(angles), np.sin(angles), rng.uniform(-0.1, 0.1, count)])
-    position = np.vstack([ring, [[0.05, 0.0, -1.0], [0.0, 0.1, 1.2]]])
-    mesh = opened(*jittered((1, 1, 1), 0.0, 0))._replace(position=position)
-    mesh.cavity.ring[0, :count] = np.arange(count)
-    mesh.cavity.shell[:] = 0  # shell of the region of new elements
+    mesh = ringed(count)
     found = interpreted(rings.triangulate)(mesh, None, 0, count, count, count + 1, 0.0, 0.0)
-    best = max(worst(position, triangles) for triangles in triangulations(0, count - 1))
+    best = max(qualities(mesh.position, made).min() for made in within_rings(count))
     assert found == pytest.approx(max(best, 0.0) ** 3 if best > 0 else rings.RULED_OUT)
     if found > 0:
         new = interpreted(rings.write_triangulation)(mesh, 0, count, count, count + 1, -1, 0)
         made = mesh.cavity.new[:new]
         assert new == 2 * (count - 2)
-        assert qualities(position, made).min() ** 3 == pytest.approx(found)
-        around = [(count, count + 1, a, b) for a, b in pairwise([*range(count), 0])]
-        assert volumes(position, made).sum() == pytest.approx(volumes(position, np.array(around)).sum())
-
-
-def worst(position, triangles):
-    below, above = len(position) - 2, len(position) - 1
-    elements = [t for i, j, k in triangles for t in ((i, j, k, above), (i, k, j, below))]
-    return qualities(position, np.array(elements)).min()
+        assert qualities(mesh.position, made).min() ** 3 == pytest.approx(found)
+        around = np.array([(count, count + 1, a, b) for a, b in pairwise([*range(count), 0])])
+        assert volumes(mesh.position, made).sum() == pytest.approx(volumes(mesh.position, around).sum())
 
 
 @pytest.mark.parametrize("ratio", [1.0, 5.0])
@@ -195,10 +194,10 @@ def test_the_derivatives_of_the_sum_that_is_smoothed_are_those_of_differences(ra
 
 def test_smoothing_lowers_what_it_says():
     mesh = opened(*jittered((3, 3, 3), 0.7, 5))
-    before = [qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])]
+    before = [qualities_of(mesh)]
     for _ in range(4):
         assert sweep(mesh, bump(0.5, 0.0)) > 0
-    after = qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])
+    after = qualities_of(mesh)
     assert after.mean() > before[0].mean() and after.min() >= min(FLOOR, before[0].min())
 
 
