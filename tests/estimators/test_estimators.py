@@ -5,7 +5,7 @@ import pytest
 from helpers.linear_problems import KINDS, assembled
 from helpers.linear_problems import solved as solution_of
 from helpers.solids import box
-from helpers.tetrahedra import generic_cube, thrown
+from helpers.tetrahedra import cut_open, generic_cube, thrown
 from numpy.testing import assert_allclose
 from skfem import (
     Basis,
@@ -153,21 +153,16 @@ def test_indicators_do_not_depend_on_numbering_or_orientation(estimator, dim):
 
 def test_joined_faces_jump_as_if_they_were_one():
     """The banks of a cut through a cube, joined, with the sign of antiperiodic boundaries, too."""
-    mesh, rng = box(4), np.random.default_rng(0)
-    wall = np.flatnonzero(mesh.p[0] == 0.5)
-    twin = np.arange(mesh.nvertices)
-    twin[wall] = mesh.nvertices + np.arange(len(wall))
-    right = mesh.p[0, mesh.t].mean(axis=0) > 0.5
-    parted = MeshTet(np.hstack([mesh.p, mesh.p[:, wall]]), np.where(right, twin[mesh.t], mesh.t), sort_t=False)
-    potential, nu = rng.normal(size=mesh.nvertices), np.where(right, 1.0, 0.01)
-    banks = parted.facets_satisfying(lambda x: np.abs(x[0] - 0.5) < 1e-9, boundaries_only=True)
-    on_right = parted.p[0, parted.t[:, parted.f2t[0, banks]]].mean(axis=0) > 0.5
-    one, other = banks[on_right], banks[~on_right]
-    one, other = (f[np.lexsort(parted.p[:, parted.facets[:, f]].mean(axis=1))] for f in (one, other))
+    mesh, parted, rng = box(4), cut_open(box(4), True), np.random.default_rng(0)
+    upper = parted.p[1, parted.t].mean(axis=0) > 0.5
+    potential, nu = rng.normal(size=mesh.nvertices), np.where(upper, 1.0, 0.01)
+    banks = parted.facets_satisfying(lambda x: np.abs(x[1] - 0.5) < 1e-9, boundaries_only=True)
+    above = upper[parted.f2t[0, banks]]
+    one, other = (f[np.lexsort(parted.p[:, parted.facets[:, f]].mean(axis=1))] for f in (banks[above], banks[~above]))
     whole = estimators.residual(mesh, potential, nu)
     for sign in (1.0, -1.0):
-        values = np.append(potential, potential[wall])
-        values[np.unique(parted.t[:, right])] *= sign
+        values = np.append(potential, potential[mesh.p[1] == 0.5])
+        values[np.unique(parted.t[:, upper])] *= sign
         joined = (one, other, np.full(len(one), sign))
         assert_allclose(estimators.residual(parted, values, nu, joined=joined), whole, rtol=1e-10)
 

@@ -5,8 +5,8 @@ import pytest
 from helpers.alternatives import canonical_winner, distance_to_simplex, rings
 from helpers.slow_solids import SlowSolidMap
 from helpers.solids import box, l_shape, two_regions
+from helpers.tetrahedra import slit
 from numpy.testing import assert_allclose, assert_array_equal
-from skfem import MeshTet
 
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
@@ -63,16 +63,6 @@ class Map:
         return np.einsum("tk,tkd->td", shares, self.position[self.elements.node[e]]), e
 
 
-def slit(n=4):
-    """A cube cut open half-way through along z = 1/2: nodes are there twice."""
-    mesh = box(n)
-    doubled = np.flatnonzero((np.abs(mesh.p[2] - 0.5) < 1e-9) & (mesh.p[0] < 0.5 - 1e-9))
-    twin = np.arange(mesh.nvertices)
-    twin[doubled] = mesh.nvertices + np.arange(len(doubled))
-    above = mesh.p[2][mesh.t].mean(axis=0) > 0.5
-    return MeshTet(np.hstack([mesh.p, mesh.p[:, doubled]]), np.where(above, twin[mesh.t], mesh.t))
-
-
 def tossed(mesh, seed, floor=0.05):
     """A map whose nodes went far, as in the middle of an epoch."""
     made = Map(mesh, floor=floor)
@@ -119,7 +109,12 @@ def test_ties_go_to_the_lowest_number():
 @pytest.mark.parametrize("kind", ["box", "slit", "l", "regions"])
 def test_the_winner_is_the_nearest_node_that_the_flooded_ball_reaches(kind):
     """In a convex region that is the nearest of all."""
-    mesh = {"box": lambda: box(4), "slit": slit, "l": lambda: l_shape(1), "regions": lambda: two_regions(2)}[kind]()
+    mesh = {
+        "box": lambda: box(4),
+        "slit": lambda: slit(4, 0.5),
+        "l": lambda: l_shape(1),
+        "regions": lambda: two_regions(2),
+    }[kind]()
     made, hidden = tossed(mesh, 3), 0
     node, neighbour, region = made.elements.node, made.elements.neighbour, made.elements.region
     points, element = made.points(300 if kind == "box" else 60, 4)
