@@ -22,9 +22,11 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     Freedom,
     OpenTetrahedra,
     Origins,
+    Queue,
     Surfaces,
     Tetrahedra,
 )
+from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.mesh.shapes import packed
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
@@ -311,3 +313,13 @@ def within_rings(count):
 
 def qualities_of(mesh):
     return qualities(mesh.position, mesh.elements.node[mesh.elements.node[:, 0] >= 0])
+
+
+def swaps(mesh, below=1.0, limit=1000):
+    """Swap until no element waits, and return the number of swaps."""
+    queue, total = Queue.of(len(mesh.elements.node)), 0
+    enter_worse(mesh, queue, below**3)
+    while queue.state[1]:
+        total += swap_waiting(mesh, queue, below**3, 0.0, limit)
+    assert not queue.waiting.any()
+    return total

@@ -1,20 +1,11 @@
 """Slow twins of what the map does in meshes of tetrahedra, in plain Python and without shared code."""
 
-from itertools import combinations
-
 import numpy as np
 
 from helpers.alternatives import rings
+from helpers.boxes import qualities
 
 INSIDE, ON_PATCH, ON_RIDGE = 3, 2, 1
-
-
-def quality(position, node):
-    """12 (3 V)^(2/3) / (sum of squared edges) of elements (m, 4), with the sign of the volume."""
-    corners = position[node]
-    volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
-    squares = sum(np.sum((corners[:, i] - corners[:, j]) ** 2, axis=1) for i, j in combinations(range(4), 2))
-    return np.sign(volume) * 12 * np.abs(3 * volume) ** (2 / 3) / squares
 
 
 class SlowSolidMap:
@@ -37,9 +28,9 @@ class SlowSolidMap:
         elif self.number[v] != INSIDE:
             return
         star = self.node[(self.node == v).any(axis=1)]
-        worst = quality(self.position, star).min()
+        worst = qualities(self.position, star).min()
         self.position[v] = before + way
-        after = quality(self.position, star).min()
+        after = qualities(self.position, star).min()
         if after <= 0 or after < min(self.floor, worst):
             self.position[v] = before
             self.refused += 1

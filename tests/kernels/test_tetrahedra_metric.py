@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.boxes import jittered, opened, qualities, random_shapes
+from helpers.boxes import jittered, opened, qualities, random_shapes, swaps
 from helpers.solids import box
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
@@ -12,10 +12,8 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Metric, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.tetrahedron import metric as metric_kernels
-from kohonen_adapt.kernels.tetrahedron.arrays import Queue
 from kohonen_adapt.kernels.tetrahedron.locate import find_winners
 from kohonen_adapt.kernels.tetrahedron.surgery import prepare_split, split
-from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.kernels.vectors import mapped
 from kohonen_adapt.mesh.shapes import packed, unpacked
 
@@ -62,14 +60,9 @@ def test_effective_quality_is_relieved_in_the_metric_only():
 def test_swaps_are_those_of_the_round_mesh(seed):
     position, node = jittered((4, 4, 4), 0.7, seed)
     shape, stretch = same_everywhere(len(position) + 8, 3.0, seed)
-    meshes, found = (opened(position, node)._replace(metric=Metric(shape, 10.0)), opened(position, node)), []
+    meshes = (opened(position, node)._replace(metric=Metric(shape, 10.0)), opened(position, node))
     meshes[1].position[:] = meshes[1].position @ stretch.T
-    for mesh in meshes:
-        queue, total = Queue.of(len(mesh.elements.node)), 0
-        enter_worse(mesh, queue, 1.0)
-        while queue.state[1]:
-            total += swap_waiting(mesh, queue, 1.0, 0.0, 1000)
-        found.append(total)
+    found = [swaps(mesh) for mesh in meshes]
     assert found[0] == found[1] > 50
     assert_array_equal(meshes[0].elements.node, meshes[1].elements.node)
 

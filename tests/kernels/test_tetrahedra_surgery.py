@@ -14,6 +14,7 @@ from helpers.boxes import (
     qualities_of,
     random_shapes,
     ringed,
+    swaps,
     volumes,
     within_rings,
 )
@@ -29,18 +30,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import fill_star, mark_non_manif
 from kohonen_adapt.kernels.tetrahedron.recycle import fill_heaps, recycle
 from kohonen_adapt.kernels.tetrahedron.smooth import smooth_nodes
 from kohonen_adapt.kernels.tetrahedron.surfaces import measure_sagittas
-from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 
 FLOOR = 0.2
-
-
-def swaps(mesh, below=1.0, limit=1000):
-    queue, total = Queue.of(len(mesh.elements.node)), 0
-    enter_worse(mesh, queue, below**3)
-    while queue.state[1]:
-        total += swap_waiting(mesh, queue, below**3, 0.0, limit)
-    assert not queue.waiting.any()
-    return total
 
 
 def exchange(mesh, missing=0, ratio=2.2, limit=10):
