@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from functools import wraps
+from functools import partial, wraps
 from inspect import signature
 from math import isfinite
 from typing import Any, ParamSpec, TypeVar
@@ -222,25 +222,19 @@ def finite_values(name: str, value: Any, x: Floats, shape: tuple[int, ...], reme
     return found
 
 
-def finite_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    x, y = finite_coordinates(point, what, 2)
-    return x, y
-
-
-def finite_triple(point: ArrayLike, what: str) -> tuple[float, float, float]:
-    x, y, z = finite_coordinates(point, what, 3)
-    return x, y, z
-
-
-def finite_coordinates(point: ArrayLike, what: str, count: int) -> list[float]:
+def finite_coordinates(point: ArrayLike, what: str, count: int) -> tuple[float, ...]:
     try:
-        found = [float(coordinate) for coordinate in np.asarray(point, float)]
+        found = tuple(float(coordinate) for coordinate in np.asarray(point, float))
     except (TypeError, ValueError):
-        found = []
+        found = ()
     if len(found) != count or not all(map(isfinite, found)):
         wanted = "two finite numbers (x, y)" if count == 2 else "three finite numbers (x, y, z)"
         raise ValueError(f"{what} must be {wanted}; got {point!r}.")
     return found
+
+
+finite_point = partial(finite_coordinates, count=2)
+finite_triple = partial(finite_coordinates, count=3)
 
 
 def checked_points(points: ArrayLike, what: str, dimension: int = 2) -> Floats:

@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -165,7 +165,8 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh)
-        _check_turn(mesh, self.turn)
+        if self.turn and type(mesh) is TETRAHEDRON.mesh:
+            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
@@ -268,11 +269,6 @@ class Case:
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
         return given | ({"curves": curves} if curves else {})
-
-
-def _check_turn(mesh: Mesh, turn: Turn) -> None:
-    if type(mesh) is TETRAHEDRON.mesh and turn:
-        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
 
 
 def _in_space(given: Mapping[str, Any]) -> MagneticScalarPotential:

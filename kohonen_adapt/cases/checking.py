@@ -134,6 +134,3 @@ class _CheckOnly:
 
     def solve(self, mesh: MeshTri, *, order: int | None = None) -> Any:
         raise _ChecksDone
-
-    def indicators(self, mesh: MeshTri, solution: Any) -> Any:
-        raise _ChecksDone

@@ -130,7 +130,7 @@ VECTOR = Kind(
     (list,),
     f"{POINT.wanted}, or three of them in space",
     lambda given: len(given) in (2, 3),
-    lambda given, location: tuple(NUMBER(value, f"{location}[{k}]") for k, value in enumerate(given)),
+    lambda given, location: tuple(list_of(NUMBER)(given, location)),
 )
 
 

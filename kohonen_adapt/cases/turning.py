@@ -45,15 +45,12 @@ def turned_mesh(mesh: MeshTri, turn: Turn, pairs: Iterable[Pair]) -> MeshTri:
     """
     sides = [name for pair in pairs for name in pair[:2]]
     for names, degrees in turn.items():
+        with_rim = mesh.with_boundaries({RIM: mesh.boundary_facets()})
         try:
-            mesh = with_arcs_on(sides, turned(_with_rim(mesh), names, radians(degrees)))
+            mesh = with_arcs_on(sides, turned(with_rim, names, radians(degrees)))
         except ValueError as error:
             raise ValueError(f"turn{f'.{names[0]}' if len(names) == 1 else ''}: {error}") from None
     return mesh
-
-
-def _with_rim(mesh: MeshTri) -> MeshTri:
-    return mesh.with_boundaries({**(mesh.boundaries or {}), RIM: mesh.boundary_facets()})
 
 
 def with_arcs_on(sides: Iterable[str], mesh: MeshTri) -> MeshTri:

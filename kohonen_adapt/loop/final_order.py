@@ -82,18 +82,16 @@ def layered(adaptation: Adaptation, state: State, layers: int) -> tuple[Mesh, st
         remark = ""
         if edges is not None:
             wanted = np.union1d(wanted, edges)
-            mesh, nodes = with_layers_at(whole, wanted, layers, edges=edges)
-            places = f"singular edges with {nodes.size} nodes"
-        else:
-            if curved is not None:
-                whole = on_whole_curves(whole, curved)
-                if distance := curved.flattened(whole):
-                    remark = (
-                        f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes "
-                        "there."
-                    )
-            mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves)
-            places = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
+        elif curved is not None:
+            whole = on_whole_curves(whole, curved)
+            if distance := curved.flattened(whole):
+                remark = (
+                    f" Sides are up to {distance:.2g} off their curves, which no estimate includes; use more nodes "
+                    "there."
+                )
+        mesh, nodes = with_layers_at(whole, wanted, layers, rules.periodic, rules.curves, edges)
+        corners = f"{nodes.size} corner{'s' * (nodes.size > 1)}"
+        places = corners if edges is None else f"singular edges with {nodes.size} nodes"
         if none := int(wanted.size - nodes.size):
             remark += (
                 f" No layers at {counted(none, 'singular node')}, where they would invert elements or be too small."

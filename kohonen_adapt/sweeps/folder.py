@@ -2,7 +2,8 @@
 
 import json
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from os import PathLike
@@ -48,7 +49,9 @@ class SweepFolder:
         path.mkdir(parents=True, exist_ok=True)
         remove_drafts(path)  # left by a process that was killed
         if (path / ABOUT).exists():
-            _check(path, before=_read(path / ABOUT), now=about)
+            with _reading(path / ABOUT):
+                before = dict(json.loads((path / ABOUT).read_bytes()))
+            _check(path, before, now=about)
         else:
             _write(path / ABOUT, about)
         return cls(path)
@@ -93,28 +96,20 @@ def _check(folder: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
 
 
 def _outcome(file: Path) -> Outcome:
-    given = _read(file)
-    try:
+    with _reading(file):
+        given = json.loads(file.read_bytes())
         outputs = {name: value if isinstance(value, str) else float(value) for name, value in given["outputs"].items()}
         return Outcome(outputs, float(given[SECONDS]))
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise _damaged(file, error) from error
-
-
-def _read(file: Path) -> dict[str, Any]:
-    content = file.read_bytes()
-    try:
-        given = json.loads(content)
-    except ValueError as error:
-        raise _damaged(file, error) from error
-    if not isinstance(given, dict):
-        raise _damaged(file, TypeError("it holds no table"))
-    return given
 
 
 def _write(file: Path, content: dict[str, Any]) -> None:
     write_whole(file, json.dumps(content).encode())
 
 
-def _damaged(file: Path, error: Exception) -> ValueError:
-    return ValueError(f"'{file}' is damaged ({type(error).__name__}: {error}): delete it and compute that again.")
+@contextmanager
+def _reading(file: Path) -> Iterator[None]:
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise ValueError(f"'{file}' is damaged ({reason}): delete it and compute that again.") from error
