@@ -1,8 +1,11 @@
 """Parts of open meshes of tetrahedra: changed side by side, and in the end as one thread would leave the whole."""
 
+import threading
+
 import numpy as np
 import pytest
 from helpers.solids import box, cut, two_regions, volumes
+from numba import config
 from skfem import MeshTet
 
 from kohonen_adapt import Rules
@@ -10,6 +13,7 @@ from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
 from kohonen_adapt.geometry.space.thread_parts import parts_for
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
+from kohonen_adapt.kernels.threads import by_turns
 
 CELLS = 14  # 3375 nodes: two parts
 
@@ -71,3 +75,20 @@ def test_nodes_deep_in_a_part_of_either_way_come_before_those_that_are_not():
         for nodes in group:
             around = np.concatenate([star.link[star.start[v] : star.start[v + 1]].ravel() for v in nodes])
             assert len(set(parts.partitions[way][around].tolist())) == 1
+
+
+def test_no_turn_is_taken_after_one_has_failed(monkeypatch):
+    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 2)
+    failed, taken = threading.Event(), []
+
+    def task(thread, i):
+        if i == 0:
+            failed.set()
+            raise KeyboardInterrupt
+        failed.wait(10.0)
+        taken.append(i)
+
+    with pytest.raises(KeyboardInterrupt):
+        by_turns(task, 1000)
+    assert len(taken) < 1000
+    assert by_turns(lambda thread, i: 2 * i, 5) == [0, 2, 4, 6, 8] and by_turns(lambda thread, i: i, 0) == []

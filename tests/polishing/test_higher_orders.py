@@ -5,15 +5,19 @@ import pytest
 from helpers.descents import Start
 from helpers.meshes import l_shape, perturbed
 from helpers.scalar_problems import Corner, loaded, magnet
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.movable import unchanged
 from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt.geometry.plane.surgery import Surgery
+from kohonen_adapt.kernels.triangle.arrays import WITH
+from kohonen_adapt.kernels.triangle.polish.exchange import weigh
 from kohonen_adapt.mesh.elements.polynomials import evaluated, local_coefficients, modes_of
 from kohonen_adapt.mesh.host import count_unknowns
+from kohonen_adapt.polishing.energy_recycling import compute_gains, offers_of, with_spare_rows
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.transfer import transferred
 from kohonen_adapt.problem.functional_value import functional_value
@@ -103,3 +107,22 @@ def test_an_order_that_a_problem_does_not_say_is_refused():
         ValueError, match=r"values of Ritz must have shape \(nunknowns of order 2,\) = \(25,\); got \(9,\)"
     ):
         functional_value(MeshTri().refined(1), ka.Ritz(np.zeros(9), np.zeros(9, dtype=bool), 1.0, order=2))
+
+
+@pytest.mark.parametrize("order", [2, 3])
+def test_what_was_in_memory_before_has_no_say(order):
+    """A collapse costs the same, whatever other nodes, or nobody, have left in the room of a thread."""
+    at = started(perturbed(l_shape(3), 1), loaded(order))
+    movable, functional, trial, recycled = at.movable, at.functional, at.trial, at.recycled
+    mesh = Surgery.on(movable, np.ones(movable.nnodes), movable.nnodes, recycled).mesh
+    offers = offers_of(movable, functional, trial.fixed, mesh)
+    loops = functional.loops(movable, with_spare_rows(trial, len(mesh.position), len(mesh.elements.node)), mesh)
+    most, costs = compute_gains(loops, mesh, offers), offers.cost.copy()
+    assert np.isfinite(costs).sum() > 10
+    for v in range(movable.nnodes):
+        loops.scratches.clear()
+        room = loops.scratch(0)
+        for array in room.primal.block:
+            array[:] = np.nan if array.dtype == np.float64 else -5
+        weigh(mesh, room, WITH, offers, most, movable.floor, v, v + 1, False)
+    assert_array_equal(offers.cost, costs)

@@ -10,7 +10,7 @@ from skfem import Basis, ElementTriP1, ElementTriP2, ElementTriP3, MeshTri
 from kohonen_adapt import Ritz, Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
-from kohonen_adapt.kernels.triangle.arrays import BLOCK, FREE, POSITION, UNKNOWNS, VALUE
+from kohonen_adapt.kernels.triangle.arrays import BLOCK, COARSE_BLOCK, FREE, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.triangle.polish import patch, rows
 from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.problem.functional_value import functional_value
@@ -141,3 +141,21 @@ def test_kernels_have_the_functional_and_its_derivatives(case):
             put(scratch, v, True)
             assert_allclose((found[0][0] - found[1][0]) / (2.0 * STEP), rest[i], **near)
             assert_allclose((found[0][2] - found[1][2]) / (2.0 * STEP), stiffness[i], **loose)
+
+
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case[3] and not case[2]])
+def test_few_points_integrate_the_block_of_a_uniform_field(name):
+    at = Setting(CASES[name])
+    tri, movable = at.movable.triangulation, at.movable
+    at.trial.values[:], at.trial.modes.side[:], at.trial.modes.bubble[:] = tri.position[:, 0], 0.0, 0.0
+    scratch = at.functional.loops(movable, at.trial, movable.kernel_mesh()).scratch(0).primal
+    straight = np.setdiff1d(tri.elements.node, tri.elements.node[scratch.shapes.special])
+    v = straight[movable.constraints.kind[straight] == FREE][0]
+    interpreted(rows.gather_star)(scratch, v)
+    interpreted(patch.number_unknowns)(scratch, True)
+    count, found = scratch.block.size[UNKNOWNS], []
+    for wanted in (COARSE_BLOCK, BLOCK):
+        interpreted(patch.derivatives)(scratch, tri.position[v], wanted)
+        found.append((scratch.block.rest[:count].copy(), np.tril(scratch.block.stiffness[:count, :count])))
+    for few, all_points in zip(*found, strict=True):
+        assert_allclose(few, all_points, rtol=1e-12, atol=1e-12 * np.abs(all_points).max())

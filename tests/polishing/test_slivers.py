@@ -1,15 +1,18 @@
 """What facets leave out of arcs: joining facets stops before it costs more than it saves, told by a magnet's field."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from helpers.meshes import circle, shells
+from helpers.meshes import circle, disk, shells
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.polishing.chords import shift_per_area
+from kohonen_adapt.mesh.measures import area
+from kohonen_adapt.polishing.chords import longest_on_arcs, shift_per_area
 
 CIRCLES = np.array([1.0, 5.0, 10.0, 40.0])  # radii: the magnet is between the second and the third
 
@@ -99,3 +102,14 @@ def test_the_energy_that_a_moved_circle_makes_is_the_exact_one(exact, k, flux, e
     x, y = position[np.stack(elements.ends(e, k))].mean(axis=0).T
     shift = shift_per_area(ritz, movable.triangulation, e, k)
     assert_allclose(shift, expected(np.arctan2(y, x)), atol=0.03 * shift.max(initial=1e-9))
+
+
+def test_curved_sides_may_be_longer_by_what_a_parabola_follows_of_an_arc():
+    """Both leave out as much: ``l^3 / 12 r`` beside chords of length l, ``l^5 / 960 r^3`` beside parabolas."""
+    mesh, problem = magnet_ring(160, 6), replace(PROBLEM, order=2)
+    ritz = problem.ritz(mesh, problem.solve(mesh))
+    chords, curved = (longest_on_arcs(ritz, MovableMesh.of(mesh, Rules(), bent), 0.01) for bent in (False, True))
+    radius, on = np.hypot(*mesh.p), (chords > 0.0) & np.isfinite(chords)
+    assert_allclose(curved[on] ** 5 / (960 * radius[on] ** 3), chords[on] ** 3 / (12 * radius[on]), rtol=1e-9)
+    missing = np.pi - area(MovableMesh.of(disk(4, 1.0), Rules(), curved=True).mesh()).sum()
+    assert missing == pytest.approx(24 * (2 * np.sin(np.pi / 24)) ** 5 / 960, rel=0.03)

@@ -18,9 +18,11 @@ import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.ordering import along_curve
 from kohonen_adapt.kernels.triangle.arrays import FREE
 from kohonen_adapt.kernels.triangle.geometry import element_quality
 from kohonen_adapt.kernels.triangle.transport import (
+    find_directions,
     mark_spoiled,
     slow_down,
     smooth_moves,
@@ -29,7 +31,7 @@ from kohonen_adapt.kernels.triangle.transport import (
 )
 from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
-from kohonen_adapt.som.transport import FLOWS, potential, symmetric, wanted_inflow
+from kohonen_adapt.som.transport import FLOWS, clusters_of, potential, symmetric, wanted_inflow
 
 element_quality = interpreted(element_quality)
 
@@ -184,3 +186,25 @@ def test_one_round_evens_out_more_than_half_of_what_is_wanted():
     spread = [np.ptp(np.log(column)) for column in columns]
     assert spread[0] > 0.9
     assert spread[1] < 0.5 * spread[0]
+
+
+def rank_of(tri):
+    return np.argsort(along_curve(tri.position))
+
+
+def test_clusters_on_outlines_flow_along_them():
+    mesh = square(24)
+    tri, constraints = parts_of(mesh)
+    cluster = clusters_of(tri, rank_of(tri))
+    along = np.empty((cluster.max() + 1, 3))
+    find_directions(tri.elements.node, constraints, cluster, np.empty(len(along)), along)
+    seen = set()
+    for c, matrix in enumerate(along.tolist()):
+        x, y = tri.position[np.unique(tri.elements.node[cluster == c])].T
+        upright, level = bool(np.any((x == 0) | (x == 1))), bool(np.any((y == 0) | (y == 1)))
+        seen.add((upright, level))
+        if not (upright and level):
+            assert matrix == [0.0 if level < upright else 1.0, 0.0, 0.0 if upright < level else 1.0]
+        else:
+            assert 0 < matrix[0] + matrix[2] < 1
+    assert len(seen) == 4
