@@ -5,6 +5,7 @@ import pytest
 import skfem
 from helpers.curved_meshes import annulus
 from helpers.examples import examples
+from helpers.meshes import circle
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -13,11 +14,6 @@ from skfem import MeshTri
 
 from kohonen_adapt import Arc, Line, Spline
 from kohonen_adapt.geometry.plane.polylines import polylines_of
-
-
-def circle(count, *, turn=2 * np.pi):
-    angle = np.linspace(0.0, turn, count, endpoint=turn < 6)
-    return np.stack([np.cos(angle), np.sin(angle)])
 
 
 def dense(points, closed, count=20_001):

@@ -92,4 +92,4 @@ def turned(mesh, seed):
     number = rng.permutation(mesh.p.shape[1])
     position = np.empty_like(mesh.p)
     position[:, number] = mesh.p
-    return MeshTet(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)
+    return type(mesh)(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)

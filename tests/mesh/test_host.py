@@ -8,7 +8,7 @@ import pytest
 import skfem
 from helpers import tetrahedra
 from helpers.meshes import comb, generic_square, holed, l_shape, perturbed, slit, square
-from helpers.tetrahedra import hollow
+from helpers.tetrahedra import hollow, turned
 from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
@@ -27,15 +27,6 @@ MESHES = {
     "comb of tetrahedra": tetrahedra.comb(5),
     "slit of tetrahedra": tetrahedra.slit(4),
 }
-
-
-def turned(mesh, seed):
-    """The same mesh with other numbers, its elements starting at any corner and running either way round."""
-    rng = np.random.default_rng(seed)
-    number = rng.permutation(mesh.p.shape[1])
-    position = np.empty_like(mesh.p)
-    position[:, number] = mesh.p
-    return type(mesh)(position, rng.permuted(number[mesh.t[:, rng.permutation(mesh.t.shape[1])]], axis=0), sort_t=False)
 
 
 def assert_numbered_as_scikit_fem_does(mesh):
