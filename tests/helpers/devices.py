@@ -6,7 +6,6 @@ import numpy as np
 from skfem import MeshTri
 
 from helpers import meshes
-from helpers.curved_meshes import on_circles, with_midsides
 from helpers.sheets import MU0, quadrupole_potential, rectangle_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector
 from kohonen_adapt.magnetostatics import Brauer, Magnetostatics, Material
@@ -116,10 +115,6 @@ def wire_mesh(rings):
     wire, iron = radius < WIRE, (radius > BORE) & (radius < RIM)
     parts = {"wire": wire, "iron": iron, "air": ~wire & ~iron}
     return mesh.with_subdomains({name: np.flatnonzero(inside) for name, inside in parts.items()})
-
-
-def curved_wire_mesh(rings=10):
-    return with_midsides(wire_mesh(rings), on_circles)
 
 
 def actuator(cells=20, **more):

@@ -15,7 +15,6 @@ from helpers.round_magnet import (
 from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Magnetostatics, Material
 from kohonen_adapt.mesh.measures import area
 
 
@@ -58,26 +57,6 @@ def test_every_pass_is_solved_on_the_circles(order):
     assert area(result.mesh).sum() == pytest.approx(np.pi, rel=1e-4)
     assert [step.comparable for step in result.history] == [order == 2] * len(result.history)
     assert all(step.polish_gain > 0.0 for step in result.history[1:])
-
-
-def test_the_estimate_is_near_the_error_of_adapted_curved_elements():
-    result = adapted(passes=3)
-    share = 100 * result.estimate / result.history[-1].energy_norm
-    assert 0.85 < share / (100 * magnet_error(result.solution)) < 1.15
-
-
-def test_scikit_fem_has_nothing_to_warn_of(caplog):
-    """It does of many nodes whose coordinates are not one after the other in memory."""
-    ka.adapt(magnet_mesh(20), magnet_problem(2), passes=1, polish=False)
-    assert not [record for record in caplog.records if record.name.startswith("skfem")]
-
-
-def test_elements_of_order_one_and_meshes_without_curves_stay_straight():
-    assert type(ka.adapt(magnet_mesh(5), magnet_problem(1), passes=0).mesh) is MeshTri
-    square = MeshTri().refined(2).with_boundaries({"rim": lambda x: x[0] > -1.0}, boundaries_only=True)
-    square = square.with_subdomains({"coil": np.arange(square.t.shape[1])})
-    problem = Magnetostatics({"coil": Material(current_density=1.0)}, {"rim": 0.0}, order=2)
-    assert type(ka.adapt(square, problem, passes=1).mesh) is MeshTri
 
 
 @pytest.mark.parametrize("order", [2, 3])

@@ -9,7 +9,6 @@ from kohonen_adapt.magnetostatics import (
     Magnetostatics,
     Material,
     apparent_inductance,
-    arkkio_torque,
     energy_inductance,
     lorentz_force,
     lorentz_torque,
@@ -67,10 +66,3 @@ def test_depth_multiplies_what_is_per_metre():
         lambda field: field.coenergy,
     ):
         np.testing.assert_allclose(quantity(deep), 0.02 * np.asarray(quantity(metre)), rtol=1e-12)
-
-
-def test_no_torque_around_an_axis():
-    field = coil().solve(coil_mesh(1, 0.2))
-    for torque in (field.torque, lambda name: arkkio_torque(field, name), lambda name: lorentz_torque(field, name)):
-        with pytest.raises(ValueError, match=r"^an axisymmetric field has no torque: it is the same at every angle\.$"):
-            torque("coil")

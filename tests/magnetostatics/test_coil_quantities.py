@@ -2,18 +2,15 @@
 
 import re
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Coil, FluxLinkage, Force, MagneticScalarPotential, Material, Torque
 
 MU0 = 4e-7 * np.pi
 AIR, IRON = Material(), Material(1000.0)
-MAGNET = Material(remanence=(0.1, 0.0, 1.0))
 ORIGIN, AXIS = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 HALF = np.array([0.0, 0.25, 0.5, 0.75, 1.1, 1.5, 2.0])
 T = np.r_[-HALF[:0:-1], HALF]
@@ -48,39 +45,6 @@ def test_the_inductance_of_a_brooks_coil():
     assert in_air(coil).inductance("winding", turns=100) == pytest.approx(1.6994e-6 * 0.75 * 100**2, rel=3e-5)
 
 
-@pytest.mark.parametrize("turn", [1.0, -1.0])
-def test_a_coil_in_a_uniform_field(turn):
-    """The flux is the field times the mean area of the turns; moment times field is the torque; there is no force."""
-    coil = Coil.circular((0.3, 0.1, 0.2), AXIS, 0.8, (0.4, 0.3), 50.0 * turn)
-    field = in_air(coil, applied_field=(300.0, 0.0, 700.0))
-    without = in_air(coil)
-    area = np.pi * (0.8**2 + 0.4**2 / 12.0)
-    linkage = field.flux_linkage("winding", turns=3) - without.flux_linkage("winding", turns=3)
-    assert linkage == pytest.approx(3.0 * MU0 * 700.0 * area, rel=1e-5)
-    torque = MU0 * np.cross([0.0, 0.0, 50.0 * turn * area], [300.0, 0.0, 700.0])
-    np.testing.assert_allclose(field.torque("winding", (5.0, 0.0, 0.0)), torque, rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(field.force("winding"), 0.0, atol=1e-12)
-
-
-def test_two_coils():
-    """Mutual inductances are equal, forces opposite, and the force is the slope of the mutual inductance."""
-    low = Coil.circular((0.0, 0.0, -0.5), AXIS, 0.6, (0.2, 0.3), 500.0)
-    bend = [[0.0, 0.9, 0.9, 0.3, 0.3, 0.0], [0.0, 0.0, 0.3, 0.3, 0.9, 0.9], [0.3] * 6]
-
-    def mutual(shift, of="low", other=300.0):
-        high = Coil(np.array(bend) + [[0.0], [0.0], [shift]], 0.1, 0.2, other, 0.06)
-        return problem(AIR, {"low": low, "high": high}).solve(COARSE)
-
-    both, step = mutual(0.0), 1e-3
-    own = [in_air(coil).flux_linkage("winding") for coil in both.drive.sources.coils.values()]
-    first, second = both.flux_linkage("low") - own[0], both.flux_linkage("high") - own[1]
-    assert first / 300.0 == pytest.approx(second / 500.0, rel=1e-4)
-    force = both.force("high")
-    np.testing.assert_allclose(both.force("low"), -force, atol=1e-3 * np.abs(force).max())
-    slope = (mutual(step).flux_linkage("low") - mutual(-step).flux_linkage("low")) / (2.0 * step)
-    assert force[2] == pytest.approx(500.0 * slope, rel=1e-3)
-
-
 # --- beside magnets, whose magnetisation is known ----------------------------------------------------------------
 
 
@@ -104,36 +68,6 @@ def test_a_magnet_is_a_coil_on_its_surface(space):
     force, torque = of_coil.force("winding"), of_coil.torque("winding", centre)
     np.testing.assert_allclose(of_magnet.force("winding"), force, atol=2e-3 * np.abs(force).max())
     np.testing.assert_allclose(of_magnet.torque("winding", centre), torque, atol=2e-3 * np.abs(torque).max())
-
-
-@pytest.mark.parametrize("order", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_the_error_of_a_force_that_does_not_depend_on_the_potential(order):
-    """A magnet of permeability 1 is a coil on its surface, so the quadrature beside the winding is all of the error."""
-    (x, y, low), (_, _, high) = BLOCK
-    path = [[x, -x, -x, x], [y, y, -y, -y], [0.5 * (low + high)] * 4]
-    sheet, ring = (
-        Coil(path, 1e-4, high - low, (high - low) / MU0),
-        Coil.circular((0.0, 0.0, 1.4), AXIS, 0.6, (0.2, 0.2), 1e3),
-    )
-    exact = problem(AIR, {"winding": ring, "sheet": sheet}).solve(COARSE).force("winding")[2]
-    goal = Force("winding", AXIS)
-    given = replace(problem(Material(remanence=(0.0, 0.0, 1.0)), {"winding": ring}, goal=goal), order=order)
-    field = given.solve(box())
-    estimated, error = given.goal_error(field), exact - goal(field)
-    assert 0.7 < estimated / error < 1.3
-    indicators = given.indicators(field.mesh, field)
-    assert np.sum(indicators**2) == pytest.approx(abs(estimated))
-    assert ka.adapt(box(), given, goal_rtol=0.1 * abs(estimated / exact), passes=0).status is not ka.Status.CONVERGED
-
-
-def test_the_force_on_a_magnet_in_a_bore_is_opposite_to_the_force_on_the_coil():
-    """The layer around the magnet contains parts of the winding, whose force is 60 % of the result."""
-    field = replace(problem(MAGNET, {"winding": replace(RACETRACK, ampere_turns=1e6)}), order=2).solve(box())
-    coil = field.force("winding")
-    np.testing.assert_allclose(field.force("block"), -coil, atol=0.03 * np.abs(coil).max())
-    np.testing.assert_allclose(field.force(["block", "winding"]), field.force("block") + coil, atol=1e-9)
-    torque = field.torque("winding", (0.0, 1.0, 0.0))
-    np.testing.assert_allclose(field.torque("block", (0.0, 1.0, 0.0)), -torque, atol=0.03 * np.abs(torque).max())
 
 
 def test_planes_of_symmetry_leave_a_part_of_the_coil():
@@ -190,13 +124,6 @@ def test_goal_errors_point_to_the_exact_value(goal, fields):
     value, exact = goal(field), goal(fields[2])
     assert abs(value + given.goal_error(field) - exact) < 0.6 * abs(value - exact)
     assert np.sum(given.indicators(field.mesh, field) ** 2) >= abs(given.goal_error(field))
-
-
-def test_a_linkage_is_polished_by_the_energy(fields):
-    """The dual of the linkage of one coil is the potential itself, that of a force is not."""
-    for goal, order in product((GOALS[0], GOALS[-1]), (1, 2)):
-        ritz = replace(problem(IRON, goal=goal), order=order).ritz(fields[order].mesh, fields[order])
-        assert ritz.shapes_only == (goal is GOALS[0]) and not ritz.comparable
 
 
 # --- refused -----------------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from kohonen_adapt.kernels.coils import add_arcs
 from kohonen_adapt.magnetostatics import Coil
@@ -46,40 +45,6 @@ def test_the_curl_is_the_current_density_and_there_is_no_divergence(name):
     np.testing.assert_allclose(size, np.where(coil.contains(x), scale, 0.0), rtol=1e-9)
     assert np.abs(curl - density).max() < 2e-3 * scale and np.median(np.abs(curl - density)) < 1e-6 * scale
     assert np.abs(np.trace(slope)).max() < 1e-4 * scale
-
-
-@pytest.mark.parametrize("name", COILS)
-def test_the_distance_of_a_winding_is_a_lower_bound(name):
-    winding = COILS[name].winding
-    size = np.ptp(winding.samples, axis=1)
-    chord = 2e-3 * size.max()  # samples are on chords of arcs
-    x = winding.samples.mean(axis=1)[:, None] + np.random.default_rng(0).uniform(-2.0, 2.0, (3, 300)) * size[:, None]
-    nearest, _ = cKDTree(winding.samples.T).query(x.T)
-    distance = winding.distance(x)
-    assert np.all(distance <= nearest + chord)
-    assert np.median(distance / nearest) > 0.5
-    np.testing.assert_allclose(winding.distance(winding.samples), 0.0, atol=chord)
-
-
-def test_on_the_axis_of_a_thick_solenoid():
-    """Closed form of a winding with uniform current density, Montgomery, Solenoid Magnet Design (1969)."""
-    coil, inner, outer, length = COILS["circular"], 0.01, 0.03, 0.04
-    z = np.linspace(-0.1, 0.1, 41)
-    field = coil.field_strength(np.stack((0.0 * z, 0.0 * z, z)))
-    ends = [z - 0.01 + s * length / 2.0 for s in (1.0, -1.0)]
-    above, below = (t * np.log((outer + np.hypot(outer, t)) / (inner + np.hypot(inner, t))) for t in ends)
-    exact = 1000.0 / (2.0 * length * (outer - inner)) * (above - below)
-    np.testing.assert_allclose(field[2], exact, rtol=1e-9)
-    assert np.abs(field[:2]).max() < 1e-9 * exact.max()
-
-
-def test_a_field_is_finite_on_the_winding():
-    for coil in COILS.values():
-        lines = [coil.winding.in_space(coil.winding.offset_path(s * coil.width), z * coil.height)
-                 for s in (-0.5, 0.0, 0.5) for z in (-0.5, 0.0, 0.5)]  # fmt: skip
-        on, step = np.concatenate(lines, axis=1), 1e-7 * coil.width
-        field, beside = coil.field_strength(on), coil.field_strength(on + step * np.array([[0.6], [0.64], [0.48]]))
-        assert np.abs(field - beside).max() < 1e-4 * np.abs(field).max()
 
 
 @pytest.mark.parametrize("section", [(0.3, 0.4), (1.8, 0.05), (0.02, 1.0), (0.02, 0.02), (0.005, 0.005)])

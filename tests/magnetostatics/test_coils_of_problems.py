@@ -8,7 +8,7 @@ from helpers.magnet_solids import blocks
 from test_coil_quantities import AIR, AXIS, HALF, IRON, T
 from test_coil_quantities import RACETRACK as COIL
 
-from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential
 
 PARTS = {"limb": ((-0.5, -0.5, -0.75), (0.5, 0.5, 0.75))}
 QUADRATURE = 3e-8  # of rules along edges of iron, which have fewer points away from a coil than for a function
@@ -38,15 +38,6 @@ def test_a_coil_is_the_field_of_its_current(whole):
     np.testing.assert_allclose(whole.flux_density_at(x), same.flux_density_at(x), atol=QUADRATURE * size)
 
 
-def test_coils_and_an_applied_field_add_up(whole):
-    mesh, uniform = box(), (0.0, 100.0, 50.0)
-    half = replace(COIL, ampere_turns=0.5 * COIL.ampere_turns)
-    both = problem({"one": half, "two": half}, applied_field=uniform).solve(mesh)
-    other = problem({}, applied_field=uniform).solve(mesh)
-    total = whole.flux_density + other.flux_density
-    np.testing.assert_allclose(both.flux_density, total, atol=1e-9 * np.abs(total).max())
-
-
 def test_an_image_is_a_coil_of_its_own():
     """Two coils to both sides of a plane, of the same or of opposite sense."""
     side = HALF
@@ -72,25 +63,6 @@ def test_a_coil_that_meets_iron(shift):
     wide = {"limb": ((-0.75, -0.5, -0.75), (0.75, 0.5, 0.75))}
     with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb', which is iron or a magnet, at \("):
         problem({"winding": moved}).solve(box(parts=wide))
-
-
-def test_a_thin_plate_and_a_thin_winding():
-    """Neither has a node inside the other; a coil that touches a limb may stay, and so may one beside a magnet."""
-    plate = {"limb": ((-0.5, -0.5, 0.0), (0.5, 0.5, 0.25))}
-    thin = Coil.circular((0.0, 0.0, 0.125), AXIS, 0.43, (0.01, 0.01), 10.0)
-    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb'"):
-        problem({"winding": thin}).check(box(parts=plate))
-    thick = Coil.circular((0.0, 0.0, 0.0), AXIS, 1.0, (0.5, 1.9), 10.0)
-    sheet = np.unique(np.r_[T, -0.01, 0.01])
-    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb'"):
-        problem({"winding": thick}).check(box(z=sheet, parts={"limb": ((-0.75, -0.75, -0.01), (0.75, 0.75, 0.01))}))
-    close = Coil.straight_limb((0.0, 0.0, 0.0), AXIS, (1.0, 1.0), (0.2, 0.5), 10.0)
-    problem({"winding": close}).check(box())
-    magnet = MagneticScalarPotential(
-        {"limb": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}, {"outer": 0.0}, coils={"winding": thin}
-    )
-    with pytest.raises(ValueError, match=r"^the coil 'winding' meets 'limb', which is iron or a magnet"):
-        magnet.check(box(parts=plate))
 
 
 def test_a_coil_that_leaves_the_mesh():

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
+from helpers.curved_meshes import on_circles, with_midsides
 from helpers.exact_fields import overrating, true_error
 from helpers.meshes import disk
-from skfem import MeshTri, MeshTri2
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.curved import with_midside_offsets
 from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
@@ -17,24 +15,17 @@ MU0 = 4e-7 * np.pi
 INNER, OUTER = 0.4, 1.0  # radii of the magnet, and of the air around it
 
 
-def round_mesh(rings, curved=True, turn=0.1):
+def round_mesh(rings, curved=True):
     """A magnet in a disk of air: nodes on rings, sides on the circle of the magnet and on the outer one curved."""
-    plain = disk(rings, OUTER)
-    c, s = np.cos(turn), np.sin(turn)
-    mesh = MeshTri(np.array([[c, -s], [s, c]]) @ plain.p, plain.t)
-    radius = np.hypot(*mesh.p)
-    inside = radius[mesh.t].max(axis=0) < INNER + 1e-9
-    mesh = mesh.with_boundaries({"outer": lambda x: x[0] > -9.0}, boundaries_only=True)
-    mesh = mesh.with_subdomains({"magnet": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
-    return bent_on(mesh, INNER, OUTER) if curved else mesh
+    mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: x[0] > -9.0}, boundaries_only=True)
+    mesh = mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
+    return with_midsides(mesh, on_both) if curved else mesh
 
 
-def bent_on(mesh, *radii):
-    """The mesh with its facets on these circles about the origin bent."""
-    middle, (one, other) = mesh.p[:, mesh.facets].mean(axis=1), np.hypot(*mesh.p)[mesh.facets]
-    on = (np.abs(one - other) < 1e-9) & np.any(np.abs(one - np.array(radii)[:, None]) < 1e-9, axis=0)
-    stretch = np.where(on, one / np.where(on, np.hypot(*middle), 1.0), 1.0)
-    return with_midside_offsets(mesh, middle * (stretch - 1.0))
+def on_both(mesh, facets):
+    radius = np.hypot(*mesh.p[:, mesh.facets[:, facets]])
+    on = np.isclose(radius, INNER).all(axis=0) | np.isclose(radius, OUTER).all(axis=0)
+    return np.where(on, on_circles(mesh, facets), mesh.p[:, mesh.facets[:, facets]].mean(axis=1))
 
 
 MAGNET = {"magnet": Material(remanence=(0.0, 1.0)), "air": Material()}
@@ -84,15 +75,3 @@ def test_a_uniform_field_is_held_without_error(order):
     assert problem.energy_norm(mesh, field) ** 2 == pytest.approx(2 * field.energy, rel=1e-12)
     assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-9 * problem.energy_norm(mesh, field)
     assert field.flux_linkage("magnet") == pytest.approx(0.0, abs=1e-12)
-
-
-def test_the_numbers_of_corners_may_stand_in_any_order():
-    """scikit-fem sorts the corners of the elements of a `MeshTri`, not those of a `MeshTri2`."""
-    mesh = round_mesh(5)
-    turned = MeshTri2(mesh.doflocs, np.roll(mesh.t, 1, axis=0), mesh.boundaries, mesh.subdomains)
-    for order in (2, 3):
-        problem = Magnetostatics(MAGNET, {"outer": 0.0}, order=order)
-        np.testing.assert_array_equal(problem.solve(turned).values, problem.solve(mesh).values)
-    x = np.array([[0.3, 0.999, -0.4], [0.4, 0.0, 0.01]])
-    one, other = (ka.interpolate(each, mesh.p[0, : mesh.nvertices], x) for each in (turned, mesh))
-    np.testing.assert_allclose(one, other, atol=1e-12)

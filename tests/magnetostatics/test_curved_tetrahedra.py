@@ -2,17 +2,13 @@
 
 from dataclasses import replace
 
-import meshio
 import numpy as np
 import pytest
-import skfem
 from helpers.magnet_solids import dipole, nested_balls
-from skfem import MeshTet, MeshTet2
+from skfem import MeshTet2
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Material
-from kohonen_adapt.plotting import plot_slice, plot_surface
-from kohonen_adapt.problem.functional_value import functional_value
 
 AIR, MU = Material(), 50.0
 OUTER = {"outer": lambda x: -x[2] + (MU - 1.0) / (MU + 2.0) * dipole(x, 1.0)[0]}  # around a ball in 1 A/m along z
@@ -62,55 +58,6 @@ def test_the_field_of_a_ball_is_of_order_2_on_curved_edges_only(fields):
     assert bent[1] < straight[1] - 1.0
 
 
-def test_a_uniform_field_is_exact_and_the_system_is_that_of_scikit_fem():
-    mesh = curved(nested_balls(2))
-    field = MagneticScalarPotential({"ball": AIR, "air": AIR}, {"outer": lambda x: x[0] - 2.0 * x[2]}, order=2).solve(
-        mesh
-    )
-    np.testing.assert_allclose(field.unknown, mesh.p[0] - 2.0 * mesh.p[2], atol=1e-4)  # by points of degree 2
-    basis = skfem.Basis(mesh, skfem.ElementTetP2(), intorder=3)
-    np.testing.assert_allclose(field.drive.elements.doflocs, basis.doflocs, atol=1e-15)
-    np.testing.assert_allclose(field.volume.sum(), basis.dx.sum(), rtol=1e-5)
-
-
-def test_points_have_the_element_and_the_values_of_their_side(fields):
-    mesh, x = fields[4][1].mesh, in_ball(20_000)
-    element = ka.find_elements(mesh, x)
-    assert np.mean(element >= 0) > 0.997
-    inside = np.isin(element, mesh.subdomains["ball"])
-    assert np.mean(inside != (np.linalg.norm(x, axis=0) < 1.0)) < 2e-3
-    x = x[:, element >= 0]
-    np.testing.assert_allclose(ka.interpolate(mesh, np.ones(mesh.nvertices), x), 1.0, rtol=1e-9)
-    at = fields[4][1].potential_at(x)
-    exact = np.where(np.linalg.norm(x, axis=0) < 1.0, -3.0 / (MU + 2.0) * x[2], OUTER["outer"](x))
-    assert np.sqrt(np.mean((at - exact) ** 2)) < 2e-3
-
-
-def test_fluxes_volumes_and_energies_belong_to_the_curved_elements(fields):
-    mesh = fields[2][1].mesh
-    outer = np.asarray(mesh.boundaries["outer"])
-    upper = outer[mesh.p[2, mesh.facets[:, outer]].mean(axis=0) > 0.0]
-    mesh = MeshTet2(mesh.p, mesh.t, {**mesh.boundaries, "cap": upper}, mesh.subdomains)
-    field = PROBLEM.solve(mesh)
-    assert abs(field.volume[mesh.subdomains["ball"]].sum() / (4.0 / 3.0 * np.pi) - 1.0) < 0.02
-    exact = 4e-7 * np.pi * 4.0 * np.pi * (1.0 + 2.0 * (MU - 1.0) / (MU + 2.0) / 8.0)  # through the equator of the rim
-    assert abs(field.flux("cap") / exact - 1.0) < 0.02
-    assert abs(field.flux("outer")) < 5e-3 * exact
-    energy = PROBLEM.functional_on(mesh)[0].value(field.unknown)[0]
-    np.testing.assert_allclose(functional_value(mesh, PROBLEM.ritz(mesh, field)), energy, rtol=1e-12)
-
-
-def test_the_estimate_is_near_the_error_on_curved_edges(fields):
-    for cells in (2, 4):
-        field = fields[cells][1]
-        at, element = field.at_quadrature, field.drive.elements.element
-        exact, ball = field_at(at.x), np.isin(element, field.mesh.subdomains["ball"])
-        exact[:, ball] = np.array([[0.0], [0.0], [3.0 / (MU + 2.0)]])
-        squares = np.where(ball, MU, 1.0) * np.sum((at.field_strength - exact) ** 2, axis=0)
-        estimate = np.sqrt(np.sum(PROBLEM.indicators(field.mesh, field) ** 2) / (4e-7 * np.pi))
-        assert 0.9 < estimate / np.sqrt(np.sum(field.point_volumes * squares)) < 1.5
-
-
 @pytest.mark.parametrize("cells", [2, 4])
 def test_at_order_1_the_error_of_an_output_has_the_part_that_faces_cut_off(cells):
     """By elements on straight edges 2.3 to 2.6 times the error was told."""
@@ -126,17 +73,6 @@ def moment(field):
     return float(np.sum((field.field_strength[2] * field.volume)[ball]))
 
 
-def test_adapted_meshes_stay_curved_and_better_than_straight_ones():
-    mesh = nested_balls(2)
-    problems = {sides: replace(PROBLEM, curved=sides) for sides in (True, False)}
-    results = {sides: ka.adapt(mesh, problem, passes=1, polish=False) for sides, problem in problems.items()}
-    assert type(results[True].mesh) is MeshTet2
-    assert type(results[False].mesh) is MeshTet
-    assert results[True].best.sagitta == 0.0 < results[False].best.sagitta
-    worst = [error(PROBLEM.solve(results[sides].mesh)) for sides in (True, False)]
-    assert worst[0] < worst[1]
-
-
 def test_forces_goals_and_their_errors_on_curved_edges():
     gradient = {"outer": lambda x: 1e5 * (x[2] ** 2 - 0.5 * x[0] ** 2 - 0.5 * x[1] ** 2)}
     materials = {"ball": Material(remanence=(0.0, 0.0, 1.0)), "air": AIR}
@@ -148,17 +84,6 @@ def test_forces_goals_and_their_errors_on_curved_edges():
     assert abs(off[1]) < 0.02 < 0.05 < abs(off[0])
     assert magnet.indicators(bent.mesh, bent).shape == (mesh.nelements,)
     assert abs(magnet.goal_error(bent)) < 0.1 * abs(exact)
-
-
-def test_pictures_and_files_have_the_curved_edges(fields, tmp_path):
-    field = fields[2][1]
-    plot_slice(field.mesh, ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), field.potential)
-    axes = plot_surface(field.mesh, field.potential)
-    assert {len(path.vertices) for path in axes.collections[0].get_paths()} == {7}  # six nodes, closed
-    ka.write_mesh(tmp_path / "ball.vtu", field.mesh, point_data={"potential": field.potential})
-    cells = meshio.read(tmp_path / "ball.vtu")
-    assert cells.cells[0].type == "tetra10"
-    np.testing.assert_array_equal(cells.point_data["potential"], field.potential)
 
 
 def test_what_is_refused():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
 
-from kohonen_adapt.magnetostatics import Force, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import MagneticScalarPotential, Material
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.magnetostatics.error_by_orders import indicators_beside_edges
@@ -45,17 +45,3 @@ def test_solutions_for_differences_are_rough_and_estimates_are_the_same(mesh, or
     assert set(solver.asked) == {1e-6}
     exact = indicators_beside_edges(*given, Newton(solver=Solver(large=10**9)), edges)
     assert np.linalg.norm(found - exact) < 1e-4 * np.linalg.norm(exact)
-
-
-def test_duals_for_differences_are_rough(mesh):
-    solver = Recording()
-
-    class Recorded(MagneticScalarPotential):
-        method = Newton(solver=solver)
-
-    goal = Force("iron", (0.0, 0.0, 1.0))
-    problem = Recorded(MATERIALS, {"z-": 0.0, "z+": 1.0}, order=3, goal=goal)
-    solved = problem.solve(mesh)
-    solver.asked.clear()
-    problem.indicators(mesh, solved)
-    assert set(solver.asked) == {1e-6}

@@ -5,12 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.devices import turned_magnet, two_magnets
-from helpers.examples import examples
 from helpers.sheets import MU0, line_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
@@ -34,16 +30,6 @@ def rate(sizes, errors):
     return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
 
 
-def test_torque_on_nested_meshes():
-    """Of second order, though B is infinite at the corners of the magnet: the weight is constant there."""
-    cells, errors = (32, 64, 128), []
-    for number in cells:
-        mesh, problem = turned_magnet(number, 90)
-        errors.append(abs(0.02 * problem.solve(mesh).torque("magnet") - 1.0))
-    assert errors[0] < 3e-4
-    assert 1.9 < -rate(cells, errors) < 2.3
-
-
 def test_force_on_a_wire_by_one_beyond_the_mesh():
     """Of second order on nested meshes, to the force between line currents."""
     wanted, errors, rings = MU0 * 1000.0**2 / (2 * np.pi * 0.03), [], (9, 18, 36)
@@ -59,19 +45,6 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
 
 
 # --- theorems -------------------------------------------------------------------------------------------------------
-
-
-MAGNETS = two_magnets(1)
-MAGNETS_FIELD = MAGNETS[1].solve(MAGNETS[0])
-
-
-@given(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
-@examples(20)
-def test_torque_about_another_centre(centre):
-    """T(c) = T(0) - c x F."""
-    force, torque = MAGNETS_FIELD.force("b"), MAGNETS_FIELD.torque("b")
-    wanted = torque - (centre[0] * force[1] - centre[1] * force[0])
-    assert MAGNETS_FIELD.torque("b", centre=centre) == pytest.approx(wanted, rel=1e-9, abs=1e-9 * abs(torque))
 
 
 # --- symmetries -----------------------------------------------------------------------------------------------------
@@ -154,22 +127,8 @@ def test_a_body_that_touches_something_at_a_corner_is_refused(neighbour):
     assert np.all(np.isfinite(field.force(["core", "iron"])))
 
 
-def test_real_air_is_air():
-    parts = {"core": IRON, "iron": IRON, "edge": IRON, "air": Material(1.0000004)}
-    field = Magnetostatics(parts, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
-    assert np.all(np.isfinite(field.force(["core", "iron"])))
-
-
 PARTS = {"core": Material(current_density=1e6), "iron": IRON, "edge": IRON, "air": AIR}
 FIELD = Magnetostatics(PARTS, potential={"outer": lambda x: x[0]}).solve(TOUCHING)
-
-
-def test_several_names_are_one_body():
-    both = np.concatenate([TOUCHING.subdomains["core"], TOUCHING.subdomains["iron"]])
-    mesh = TOUCHING.with_subdomains({"both": both})
-    field = Magnetostatics(PARTS, potential={"outer": lambda x: x[0]}).solve(mesh)
-    for names in (["core", "iron"], ("iron", "core")):
-        assert np.array_equal(field.force(names), field.force("both"))
 
 
 @pytest.mark.parametrize("body", [None, 3, [], ["core", 3], {"core"}])

@@ -20,7 +20,6 @@ from kohonen_adapt.magnetostatics import (
 )
 from kohonen_adapt.magnetostatics.solid_estimation import dual_in_space
 from kohonen_adapt.problem.functional_value import functional_value
-from kohonen_adapt.problem.uncertain import error_of
 
 AIR = Material()
 POLES = {"a": Material(remanence=(0.0, 0.0, 1.2)), "b": Material(remanence=(0.0, 0.5, 1.0)), "air": AIR}
@@ -126,33 +125,6 @@ def _reach(mesh):
     return np.abs(mesh.p[:, mesh.t]).max(axis=0).min(axis=0)
 
 
-def test_what_has_no_error_has_none_told():
-    """Of a uniform field the indicators are 0, and nothing is missing of a goal."""
-    axis = np.linspace(0.0, 1.0, 4)
-    mesh = blocks([axis] * 3, {"a": ((0.0, 0.0, 0.0), (1.0, 1.0, 0.4))})
-    problem = MagneticScalarPotential({"a": AIR, "air": AIR}, {"x-": 1.0, "x+": 0.0}, goal=StoredEnergy("a"))
-    field = problem.solve(mesh)
-    assert problem.indicators(mesh, field).max() ** 2 < 1e-12 * problem.goal(field)
-    assert abs(problem.goal_error(field)) < 1e-12 * problem.goal(field)
-
-
-def test_better_outputs_of_linear_material_are_those_of_order_2():
-    mesh, problem = halved()
-    outputs = {"force": lambda field: field.force("b")[2], "energy": lambda field: field.energy}
-    better, exact = problem.improved(mesh, CASES["halved"][1], outputs), replace(problem, order=2).solve(mesh)
-    assert better == pytest.approx({name: output(exact) for name, output in outputs.items()}, rel=1e-6)
-
-
-def test_better_outputs_of_order_2_are_those_of_goals():
-    mesh, problem = magnets()
-    problem = replace(problem, order=2, goal=GOALS["force"])
-    field = problem.solve(mesh)
-    better = problem.improved(mesh, field, {"force": GOALS["force"]})["force"]
-    error = problem.goal_error(field)
-    assert error == pytest.approx(error_of(problem.goal(field), better), rel=1e-9)
-    assert abs(error) >= better.doubt == error.doubt > 0.0
-
-
 @pytest.mark.parametrize("order", [1, 2])
 def test_adapt_ends_at_a_tolerance_of_an_output_in_space(order):
     mesh, problem = magnets()
@@ -217,21 +189,6 @@ def test_a_force_converges_on_meshes_adapted_for_it_and_what_is_missing_is_told(
         mesh, replace(problem, goal=None), passes=2, anisotropic=False
     ).solution  # with directions as good as for the force
     assert errors[1] < 0.8 * abs(WHOLE - problem.goal(energy))
-
-
-def test_the_loop_with_a_goal_exchanges_nodes_by_its_indicators_alone():
-    """In the third pass, too, where it is by energy if the mesh is for that; by which passes are not compared."""
-    mesh, problem = magnets()
-    problem = replace(problem, goal=GOALS["force"])
-    result = ka.adapt(mesh, problem, passes=3)
-    steps = result.history
-    assert steps[3].collapses > 0 and not any(step.comparable for step in steps) and steps[1].polish_gain > 0.0
-    assert steps[0].energy_norm is None
-    assert "The polish only improved the shapes of elements, and passes were compared by the estimate" in result.message
-    assert steps[1].functional is None and "Energy" not in str(result)
-    assert result.estimate == min(step.estimate for step in steps)
-    ritz = problem.ritz(mesh, problem.solve(mesh))
-    assert ritz.shapes_only and not ritz.comparable
 
 
 # --- refused -----------------------------------------------------------------------------------------------------

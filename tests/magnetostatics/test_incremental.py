@@ -2,24 +2,12 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from helpers.devices import CIRCUIT, TURNS, actuator, machine, plunger
+from helpers.devices import CIRCUIT, TURNS, actuator, plunger
 
-from kohonen_adapt.magnetostatics import FluxLinkage, Material, apparent_inductance, energy_inductance
+from kohonen_adapt.magnetostatics import FluxLinkage, apparent_inductance
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_of_linear_material_it_is_the_inductance(order):
-    """By linkage, by energy and by the slope: identities of the discrete solution, of either order."""
-    mesh, problem = actuator(order=order)
-    problem = replace(problem, materials=problem.materials | {"bar": Material(500.0)})
-    field = problem.solve(mesh)
-    wanted = apparent_inductance(field, CIRCUIT)
-    assert energy_inductance(field, CIRCUIT) == pytest.approx(wanted, rel=1e-9)
-    assert problem.incremental_inductance(field, CIRCUIT) == pytest.approx(wanted, rel=1e-9)
 
 
 CASES = {
@@ -48,25 +36,3 @@ def test_it_is_the_slope_of_the_linkage_over_the_current(case):
     incremental = problem.incremental_inductance(field, circuit)
     assert incremental == pytest.approx(slope, rel=1e-5)
     assert incremental < 0.98 * apparent_inductance(field, circuit)  # the steel saturates
-
-
-def test_it_needs_no_current():
-    """At rest it is the limit of the apparent one for a small current."""
-    mesh, problem = actuator()
-    rest, small = (with_current(problem, CIRCUIT, current) for current in (0.0, 1e-3))
-    wanted = apparent_inductance(small.solve(mesh), CIRCUIT)
-    assert rest.incremental_inductance(rest.solve(mesh), CIRCUIT) == pytest.approx(wanted, rel=1e-6)
-
-
-def test_with_antiperiodic_sides_it_counts_the_pole():
-    mesh, problem = machine()
-    linkage, turns = FluxLinkage({"coil": 20}), {"coil": 20}
-    size = problem.solve(mesh).volume[mesh.subdomains["coil"]].sum()
-
-    def at(amperes):
-        coil = Material(current_density=20 * amperes / size)
-        return replace(problem, materials=problem.materials | {"coil": coil})
-
-    values = [linkage(at(current).solve(mesh)) for current in (9995.0, 10005.0)]
-    found = at(1e4).incremental_inductance(at(1e4).solve(mesh), turns)
-    assert found == pytest.approx(np.diff(values)[0] / 10.0, rel=1e-4)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from helpers.sheets import MU0
-from helpers.tensor_meshes import box, disk, equal_rings
+from helpers.tensor_meshes import disk, equal_rings
 
 from kohonen_adapt.magnetostatics import (
     FluxLinkage,
@@ -40,18 +40,6 @@ def test_linkage_of_a_round_wire():
     errors = [abs(wire(number).flux_linkage("wire", turns=100) / wanted - 1.0) for number in rings]
     assert errors[2] < 2e-3
     assert 1.8 < -np.polyfit(np.log(rings), np.log(errors), 1)[0] < 2.2
-
-
-def test_linkage_is_the_mean_of_the_potential_over_the_area():
-    """On a potential that is linear in x: the value at the middle of the coil, whatever its elements."""
-    sides = {"left": (-0.01, 0.0, 0.0, 0.005), "right": (0.0, 0.005, 0.0, 0.005)}
-    mesh = box(np.linspace(-0.02, 0.02, 17), np.linspace(-0.02, 0.02, 17), sides)
-    field = Magnetostatics(dict.fromkeys(("left", "right", "air"), AIR), {"outer": lambda x: 3 * x[0]}, order=1).solve(
-        mesh
-    )
-    assert field.flux_linkage("left") == pytest.approx(-0.015, rel=1e-9)
-    assert field.flux_linkage("left", turns=-7) == pytest.approx(0.105, rel=1e-9)
-    assert field.flux_linkage(["left", "right"], turns=2) == pytest.approx(2 * 3 * -0.0025, rel=1e-9)
 
 
 FIELD = wire(8)

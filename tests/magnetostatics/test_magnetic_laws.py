@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from helpers.examples import examples
+from helpers.steel import STEEL
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
@@ -13,7 +14,6 @@ from kohonen_adapt.magnetostatics import Arctan, Brauer, Froehlich, Law, Table, 
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of, reluctivities
 
 MU0 = 4e-7 * np.pi
-STEEL = [(0.4, 60.0), (0.9, 120.0), (1.3, 300.0), (1.5, 1000.0), (1.7, 5000.0), (1.9, 17e3), (2.1, 75e3), (2.25, 17e4)]
 LAWS = [Brauer(100.0, 10.0, 1.8), Froehlich(4000.0, 2.1), Arctan(2000.0, 1.9), Table(STEEL)]
 ids = [type(law).__name__ for law in LAWS]
 B = np.linspace(0.0, 4.0, 401)
@@ -45,13 +45,6 @@ def test_slope_and_energy_are_derivative_and_integral(law):
 def test_the_inverse_of_a_law(law):
     b = np.array([0.0, 0.01, 1.0, 1.9, 2.5, 30.0])
     np.testing.assert_allclose(flux_density_of(law, law.field_strength(b)), b, rtol=1e-12, atol=0)
-
-
-@pytest.mark.parametrize("law", LAWS, ids=ids)
-def test_reluctivities_have_one_limit_at_zero(law):
-    secant, differential = reluctivities(law, np.array([0.0, 1e-12, 1e-6]))
-    np.testing.assert_allclose(secant, differential[0], rtol=1e-5)
-    np.testing.assert_allclose(differential, differential[0], rtol=1e-4)
 
 
 def test_laws_have_their_formulas():
@@ -200,19 +193,6 @@ def test_wrong_files_are_named(tmp_path, text, message):
         read_bh(path)
 
 
-@pytest.mark.parametrize("law", [Brauer(100.0, 10.0, 1.8), Froehlich(4000.0, 2.1), Arctan(2000.0, 1.9)], ids=str)
-def test_energies_of_weak_fields_are_no_rounding(law):
-    b = np.geomspace(1e-12, 1e-5, 50)
-    np.testing.assert_allclose(law.energy(b), 0.5 * b * law.field_strength(b), rtol=1e-5)
-
-
-def test_the_energy_of_froehlich_is_the_same_from_both_sides_of_its_series():
-    law = Froehlich(4000.0, 2.1)
-    b = 0.021 * (1.0 + np.array([-1e-7, 1e-7]))
-    below, above = law.energy(b)
-    assert above - below == pytest.approx(law.field_strength(np.float64(0.021)) * (b[1] - b[0]), rel=1e-3)
-
-
 def measured(seed, noise):
     """B and H of a law with noise in both, in another order, and the law."""
     rng, law = np.random.default_rng(seed), Froehlich(4000.0, 2.0)
@@ -234,17 +214,6 @@ def test_measured_points_with_noise_are_smoothed_to_the_law_within_a_few_times_t
     assert np.median(errors) < 5.0 * noise
 
 
-def test_smoothing_keeps_the_points_of_a_smooth_table():
-    assert Table(STEEL, smooth=True) == Table(STEEL)
-    assert Table(STEEL[::-1], smooth=True) == Table(STEEL)
-
-
-def test_a_step_back_in_saturation_does_not_end_the_table():
-    """Of three points with almost one B, the slope between two would be taken for that of vacuum."""
-    points = [(0.9, 120.0), (1.3, 300.0), (1.30001, 500.0), (1.29999, 900.0), (1.5, 1000.0), (1.9, 17e3), (2.1, 75e3)]
-    assert Table(points, smooth=True).end > 1.9
-
-
 def test_noise_in_a_file_is_refused_with_its_remedy(tmp_path):
     path = tmp_path / "steel.csv"
     path.write_text("H, B\n60, 0.4\n120, 0.91\n125, 0.9\n300, 1.3\n1000, 1.5\n17000, 1.9\n75000, 2.1\n")
@@ -258,3 +227,23 @@ def test_noise_in_a_file_is_refused_with_its_remedy(tmp_path):
 def test_a_hysteresis_loop_is_not_smoothed():
     with pytest.raises(ValueError, match=r"B and H of at least 0; got -0\.5 T, -50 A/m"):
         Table([(-0.5, -50.0), (0.5, 50.0), (1.0, 90.0)], smooth=True)
+
+
+@pytest.mark.parametrize("law", [Brauer(100.0, 10.0, 1.8), Froehlich(4000.0, 2.1), Arctan(2000.0, 1.9)], ids=str)
+def test_energies_of_weak_fields_are_no_rounding(law):
+    b = np.geomspace(1e-12, 1e-5, 50)
+    np.testing.assert_allclose(law.energy(b), 0.5 * b * law.field_strength(b), rtol=1e-5)
+
+
+def test_the_energy_of_froehlich_is_the_same_from_both_sides_of_its_series():
+    law = Froehlich(4000.0, 2.1)
+    b = 0.021 * (1.0 + np.array([-1e-7, 1e-7]))
+    below, above = law.energy(b)
+    assert above - below == pytest.approx(law.field_strength(np.float64(0.021)) * (b[1] - b[0]), rel=1e-3)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=ids)
+def test_reluctivities_have_one_limit_at_zero(law):
+    secant, differential = reluctivities(law, np.array([0.0, 1e-12, 1e-6]))
+    np.testing.assert_allclose(secant, differential[0], rtol=1e-5)
+    np.testing.assert_allclose(differential, differential[0], rtol=1e-4)

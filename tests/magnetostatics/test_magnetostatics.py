@@ -12,13 +12,11 @@ from helpers.exact_fields import (
     sheet_field,
     sheet_potential,
 )
-from helpers.meshes import disk
 from helpers.sheets import MU0
 from helpers.tensor_meshes import everywhere
 from skfem import Basis, ElementTriP1, MeshQuad, MeshTri
 
 from kohonen_adapt.magnetostatics import Magnetostatics, Material
-from kohonen_adapt.mesh.measures import area
 
 
 def true_error(mesh, field, exact):
@@ -29,14 +27,6 @@ def true_error(mesh, field, exact):
 
 
 # --- exact: a transverse cylinder in a finite disk --------------------------------------------------------------
-
-INNER, OUTER = 0.01, 0.04
-
-
-def ring_mesh(rings):
-    """A disk of `rings` rings of 6 k nodes, the magnet's circle one of them."""
-    mesh = disk(rings, OUTER).with_boundaries({"outer": lambda x: np.hypot(*x) > 0.9 * OUTER})
-    return mesh.with_subdomains({"magnet": lambda x: np.hypot(*x) < INNER, "air": lambda x: np.hypot(*x) > INNER})
 
 
 # --- exact: a rectangle magnet in free space ---------------------------------------------------------------------
@@ -80,15 +70,6 @@ def test_layers_side_by_side_share_one_field_strength(estimator):
     assert np.linalg.norm(problem.indicators(mesh, field)) < 1e-7 * problem.energy_norm(mesh, field)
 
 
-def test_outside_the_mesh_is_nan():
-    field = Magnetostatics(LAYERS, potential={"left": 0.0}).solve(random_mesh())
-    outside = [[-1.0, 1.0], [1.0, 4.0]]
-    assert np.all(np.isnan(field.potential_at(outside)))
-    assert field.flux_density_at(outside).shape == (2, 2) and np.all(np.isnan(field.flux_density_at(outside)))
-    with pytest.raises(ValueError, match=r"x must have shape \(2, n\); got \(3,\)"):
-        field.flux_density_at([1.0, 2.0, 3.0])
-
-
 # --- identities --------------------------------------------------------------------------------------------------
 
 
@@ -96,36 +77,6 @@ def loaded():
     """Iron, a magnet and a coil, A = 0 around: everything the linear problem has."""
     materials = LAYERS | {"air": Material(current_density=2e6)}
     return Magnetostatics(materials, potential=dict.fromkeys(("left", "right", "bottom", "top"), 0.0), order=1)
-
-
-def test_energy_identities():
-    """Galerkin: int nu |B|^2 = int J A + int nu Br . B; so the stored energy follows from it as well."""
-    mesh, problem = random_mesh(), loaded()
-    field = problem.solve(mesh)
-    size = area(mesh)
-    current = 2e6 * np.sum((size * field.potential[mesh.t].mean(axis=0))[mesh.subdomains["air"]])
-    magnet = np.sum(size * field.reluctivity * field.remanence * field.flux_density)
-    norm = problem.energy_norm(mesh, field) ** 2
-    assert norm == pytest.approx(current + magnet, rel=1e-10)
-    remanent = np.sum(size * field.reluctivity * field.remanence**2)
-    assert field.energy == pytest.approx(0.5 * norm - magnet + 0.5 * remanent, rel=1e-10)
-    assert field.energy > 0.0
-    np.testing.assert_allclose(field.field_strength, field.reluctivity * (field.flux_density - field.remanence))
-
-
-def test_signs_follow_the_right_hand():
-    """A current out of the page has A > 0 and B counter-clockwise; a magnet along y has B along y inside."""
-    mesh = ring_mesh(16)
-    wire = Magnetostatics({"magnet": Material(current_density=1e6), "air": Material()}, potential={"outer": 0.0})
-    field = wire.solve(mesh)
-    assert np.all(field.potential[mesh.interior_nodes()] > 0.0)
-    x = mesh.p[:, mesh.t].mean(axis=1)
-    assert np.all(x[0] * field.flux_density[1] - x[1] * field.flux_density[0] > 0.0)
-    # Ampere: A(0) - A(R) = mu0 I / (4 pi) (1 + 2 ln(R / a)) for the wire of radius a.
-    current = 1e6 * np.pi * INNER**2
-    assert field.potential_at([[0.0], [0.0]])[0] == pytest.approx(1e-7 * current * (1 + 2 * np.log(4)), rel=0.01)
-    field = Magnetostatics(LAYERS, potential={"left": 0.0, "right": 0.0}).solve(random_mesh())
-    assert np.all(field.flux_density[1, random_mesh().subdomains["magnet"]] > 0.0)
 
 
 def test_solving_changes_nothing_and_repeats_bit_for_bit():
@@ -150,12 +101,6 @@ def test_a_problem_keeps_its_own_copy_of_what_it_was_given():
 
 
 # --- names, materials, boundaries --------------------------------------------------------------------------------
-
-
-def test_further_subdomains_have_no_say():
-    mesh, problem = random_mesh(), loaded()
-    more = mesh.with_subdomains({"all": lambda x: x[0] > -1, "corner": lambda x: x[0] + x[1] < 1})
-    assert np.array_equal(problem.solve(more).potential, problem.solve(mesh).potential)
 
 
 def test_where_boundaries_meet_the_last_counts():

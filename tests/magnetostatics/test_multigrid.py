@@ -13,7 +13,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
 from skfem import MeshTet
 
-from kohonen_adapt.magnetostatics import FluxLinkage, Froehlich, MagneticScalarPotential, Magnetostatics, Material
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material
 from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.equations.system import Solver
 from kohonen_adapt.mesh.elements.space import Space
@@ -85,17 +85,6 @@ def test_two_levels_in_space_find_the_solution_of_the_direct_solver(iron):
     wanted, found = problem.solve(mesh), solved_by(problem, solver).solve(mesh)
     assert solver.used and all(solver.used) and len(found.newton) == len(wanted.newton)
     np.testing.assert_allclose(found.potential, wanted.potential, rtol=0, atol=1e-8 * np.abs(wanted.potential).max())
-
-
-@needs_pyamg
-def test_a_dual_problem_by_multigrid():
-    mesh, problem = actuator(40)
-    problem, solver = replace(problem, goal=FluxLinkage({"go": 1, "back": -1})), Watched()
-    field = problem.solve(mesh)
-    wanted = problem.indicators(mesh, field)
-    found = solved_by(problem, solver).indicators(mesh, field)
-    assert solver.used == [True]
-    np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-7 * wanted.max())
 
 
 def test_small_systems_and_those_without_pyamg_are_solved_directly(monkeypatch):

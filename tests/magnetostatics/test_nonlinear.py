@@ -1,6 +1,5 @@
 """Nonlinear magnetostatics: exact fields and energies, Newton's method, warm starts, what has no solution."""
 
-import logging
 import warnings
 
 import numpy as np
@@ -11,9 +10,8 @@ from helpers.meshes import disk, square
 from helpers.steel import STEEL
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from skfem import Basis, ElementTriP1, MeshTri
+from skfem import Basis, ElementTriP1
 
-import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import (
     Arctan,
     Brauer,
@@ -22,10 +20,7 @@ from kohonen_adapt.magnetostatics import (
     Material,
     NotConverged,
     Table,
-    halbach,
-    radial,
 )
-from kohonen_adapt.magnetostatics.equations.newton import Newton
 from kohonen_adapt.magnetostatics.materials.laws import flux_density_of
 
 MU0 = 4e-7 * np.pi
@@ -74,54 +69,13 @@ def test_estimates_of_the_tube_are_near_its_error(estimator, low, high):
         assert low < np.linalg.norm(problem.indicators(mesh, field)) / tube_error(mesh, field) < high
 
 
-def test_the_bound_is_never_below_the_energy_above_its_minimum():
-    """Nested meshes of one polygon: half the square of the bound covers what refinement takes off the functional."""
-    problem, functional, height = tube(estimator="equilibrated"), [], []
-    for mesh in (wire_mesh(10), wire_mesh(10).refined(2)):
-        mesh = MeshTri(mesh.p, mesh.t, {"outer": mesh.boundary_facets()}, mesh.subdomains)
-        field = problem.solve(mesh)
-        work = np.sum(field.volume * field.current_density * field.potential[mesh.t].mean(axis=0))
-        functional.append(field.energy - work)
-        height.append(0.5 * np.sum(problem.indicators(mesh, field) ** 2))
-    gained = functional[0] - functional[1]
-    assert gained <= height[0] <= 2.0 * gained
-
-
 def test_the_bound_is_for_plane_problems_with_potentials():
     message = "estimator 'equilibrated' bounds .* this one has an open boundary and antiperiodic sides: use 'residual'"
     with pytest.raises(ValueError, match=message):
         tube(estimator="equilibrated", open_boundary="outer", potential=None, antiperiodic=[("left", "right")])
 
 
-def test_adapting_the_tube_lowers_its_error():
-    mesh = wire_mesh(10)
-    result = ka.adapt(mesh, tube(), passes=3)
-    before, after = (tube_error(step.mesh, tube().solve(step.mesh)) for step in (result.history[0], result.history[-1]))
-    assert after < 0.85 * before
-    assert " nodes (curve of boundary 'outer', where the polish moves no node with a nonlinear law)" in result.message
-    assert result.history[1].polish_gain > 0.0
-    assert result.solution.newton and len(result.solution.newton) < len(tube().solve(result.mesh).newton)
-
-
 # --- Newton's method ---------------------------------------------------------------------------------------------
-
-
-def test_newton_ends_quadratically_and_tells_every_step(caplog):
-    with caplog.at_level(logging.DEBUG, logger="kohonen_adapt"):
-        steps = tube().solve(wire_mesh(10)).newton
-    last = steps[-1]
-    assert last.residual < 1e-8 and last.remaining < 1e-8 and last.converged
-    assert [step.damping for step in steps[-3:]] == [1.0, 1.0, 1.0]
-    assert steps[-2].update < 10 * steps[-3].update ** 1.5
-    values = [step.functional for step in steps]
-    assert np.all(np.diff(values) < 1e-12 * abs(values[-1]))
-    assert sum("Newton step" in record.message for record in caplog.records) == len(steps)
-
-
-def test_whole_steps_alone_would_not_come_back():
-    """The first step saturates the iron by far; without backtracking the law overflows (without its continuation)."""
-    steps = tube().solve(wire_mesh(10)).newton
-    assert steps[0].damping < 0.1 and len(steps) < 15
 
 
 @st.composite
@@ -171,14 +125,6 @@ def test_a_warm_start_saves_steps_and_ends_in_the_same_place():
     np.testing.assert_allclose(outside.potential, cold.potential, atol=1e-9 * cold.potential.max())
 
 
-def test_linear_problems_do_not_use_the_old_solution():
-    mesh = wire_mesh(10)
-    linear = Magnetostatics(
-        dict.fromkeys(("wire", "iron", "air"), Material(current_density=1e6)), {"outer": 0.0}, order=1
-    )
-    assert np.array_equal(linear.solve(mesh).potential, linear.solve_from(mesh, mesh, None).potential)
-
-
 class Falling:
     """No law: H falls again beyond 1 T."""
 
@@ -216,29 +162,6 @@ def test_what_does_not_converge_says_so_and_hands_over_the_last_iterate(law, ord
     assert isinstance(caught.value, ValueError)
     assert np.all(np.isfinite(caught.value.field.potential)) and caught.value.field.potential.any()
     assert caught.value.steps == caught.value.field.newton and not caught.value.steps[-1].converged
-
-
-class Impatient(Magnetostatics):
-    """Solves the first mesh; on later ones Newton's method has one step."""
-
-    def solve_from(self, mesh, old_mesh, old_field):
-        return HastyMagnetostatics(self.materials, self.potential, ampere_turns=self.ampere_turns, order=1).solve(mesh)
-
-
-class HastyMagnetostatics(Magnetostatics):
-    method = Newton(most_steps=1)
-
-
-def test_a_pass_that_does_not_converge_loses_nothing():
-    """The loop ends with the passes before it, and the error has the iterate on the mesh of the next."""
-    mesh, calm = wire_mesh(10), tube()
-    problem = Impatient(calm.materials, calm.potential, ampere_turns=calm.ampere_turns, order=1)
-    result = ka.adapt(mesh, problem, passes=2)
-    assert result.status is ka.Status.FAILED
-    assert "NotConverged: Newton's method has not converged in 1 steps" in result.message
-    assert result.mesh is mesh and len(result.history) == 1 and result.solution.newton[-1].converged
-    assert isinstance(result.error, NotConverged)
-    assert result.error.field.mesh is not mesh and result.error.field.potential.shape == mesh.p.shape[1:]
 
 
 # --- magnets by coercivity, by curves, by direction ---------------------------------------------------------------
@@ -284,13 +207,6 @@ def test_a_magnet_with_a_curve_stores_no_energy_at_its_remanence():
         assert field.energy == pytest.approx(float(wanted), rel=1e-9)
 
 
-def test_radial_and_halbach_directions():
-    x = np.array([[1.0, 0.0, -2.0], [0.0, 3.0, 0.0]])
-    np.testing.assert_allclose(radial(1.2)(x), [[1.2, 0, -1.2], [0, 1.2, 0]], atol=1e-15)
-    np.testing.assert_allclose(radial(-1.0, centre=(1.0, 1.0))(x)[:, 0], [0, 1.0], atol=1e-15)
-    np.testing.assert_allclose(halbach(1.0, 1)(x), [[1, -1, 1], [0, 0, 0]], atol=1e-15)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -326,13 +242,6 @@ def test_materials_with_curves_are_values():
 
 
 # --- coils ---------------------------------------------------------------------------------------------------------
-
-
-def test_ampere_turns_are_kept_wherever_the_nodes_are():
-    for rings in (10, 20):
-        mesh = wire_mesh(rings)
-        field = tube().solve(mesh)
-        assert np.sum(field.volume * field.current_density) == pytest.approx(CURRENT, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -61,29 +61,6 @@ def test_a_rotor_turns_by_the_angle_of_its_pair(step, curved, order):
     assert torque(mesh, ("1 inner", "0 rim", ka.Rotation(-angle)), order) == pytest.approx(found, abs=1e-9)
 
 
-def test_a_rotor_may_be_drawn_beside_its_stator():
-    aside = machine(-0.3)
-    assert torque(aside, ("0 rim", "1 inner", ka.Translation((0.3, 0.0)))) == pytest.approx(0.0, abs=1e-9)
-    turn = np.exp(-1j * np.pi / 6)
-    centre = 0.3 * turn / (1.0 - turn)  # turn (z + 0.3) = centre + turn (z - centre)
-    found = torque(aside, ("0 rim", "1 inner", ka.Rotation(-np.pi / 6, (centre.real, centre.imag))))
-    assert found == pytest.approx(0.5, abs=0.005)
-
-
-def test_a_turned_rotor_adapts_and_keeps_its_torque():
-    mesh = machine()
-    result = ka.adapt(mesh, problem(mesh, ("0 rim", "1 inner", ka.Rotation(-np.pi / 6))), passes=2)
-    assert result.solution.torque("magnet") == pytest.approx(0.5, abs=0.005)
-    assert result.estimate < 0.9 * result.history[0].estimate
-
-
-def test_the_sides_of_a_circle_without_a_motion_are_refused():
-    mesh = machine()
-    message = "fit by more than one motion, and each gives another field. Name the motion that is meant as the third"
-    with pytest.raises(ValueError, match=message):
-        problem(mesh, ("0 rim", "1 inner")).check(mesh)
-
-
 def test_pairs_of_a_problem_have_their_motions():
     pairs = [("a", "b", ka.Translation((1.0, 0.0))), ("c", "d")]
     it = Magnetostatics({"air": Material()}, periodic=pairs[:1], antiperiodic=pairs[1:])

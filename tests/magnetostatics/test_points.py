@@ -51,16 +51,6 @@ def test_adapt_and_polish_keep_the_node(topology):
         assert not np.array_equal(adapted.p, mesh.p)
 
 
-def test_points_of_a_gmsh_file(tmp_path):
-    """Names and places come with its groups; a name of a group of lines means the lines."""
-    two = np.array([[250.0, 500.0], [500.0, 500.0]])
-    names = {(0, 7): "gauge", (0, 8): "rim", (1, 8): "rim"}
-    ka.write_mesh(tmp_path / "m.msh", conductors().scaled(1e3), groups=Groups(names, {7: two, 8: two[:, :1]}))
-    places = ka.read_groups(tmp_path / "m.msh", scale=1e-3).places
-    assert list(places) == ["gauge"]
-    np.testing.assert_allclose(places["gauge"], 1e-3 * two, rtol=1e-14)
-
-
 CASE = """
 mesh = "m.msh"
 scale = 1e-3
@@ -92,17 +82,6 @@ def test_cases_have_points(tmp_path, extra, capsys):
     assert np.sum((np.abs(adapted.p - 0.5) < 1e-12).all(axis=0)) == 1
     assert cli.main(["check", str(tmp_path / "m.msh"), "--scale", "1e-3"]) == 0
     assert "point 'gauge': (0.5, 0.5) m" in capsys.readouterr().out
-
-
-def test_init_names_the_points_of_the_file(tmp_path):
-    written(tmp_path, "")
-    assert cli.main(["init", str(tmp_path / "m.msh"), "--scale", "1e-3", "-o", str(tmp_path / "new.toml")]) == 0
-    text = (tmp_path / "new.toml").read_text()
-    assert "# gauge = 0.0  # a point\n" in text
-    new = text.replace("# gauge = ", "gauge = ").replace("\nrim = 0.0", "\n# rim = 0.0")
-    (tmp_path / "new.toml").write_text(new)
-    assert cli.main(["run", str(tmp_path / "new.toml"), "--dry-run"]) == 0
-    assert read_case(tmp_path / "new.toml").problem.potential == {"gauge": 0.0}
 
 
 def test_points_that_are_not_there_are_named(tmp_path, capsys):

@@ -1,14 +1,10 @@
 """Bodies that turn, with bores of few nodes: these stay round where that is told, else the remedy is named."""
 
 import numpy as np
-import pytest
-from helpers.curved_meshes import on_circles, write_second_order
 from helpers.meshes import ring
 from helpers.tensor_meshes import sector
-from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt.cases import fitting_mesh, read_case
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, Torque
 
 BORE = 0.01
@@ -72,34 +68,3 @@ def test_the_bore_of_a_pole_stays_round():
     off, nodes = off_bore(result.mesh, "bore")
     assert off < 1e-9
     assert nodes > 5
-
-
-def second_order(folder, around=10):
-    mesh = rotor_mesh(around)
-    mesh = MeshTri(mesh.p / 1e-3, mesh.t, mesh.boundaries, mesh.subdomains)
-    facets = np.arange(mesh.facets.shape[1])
-    return write_second_order(folder / "rotor.msh", mesh, on_circles(mesh, facets), version="4.1")
-
-
-CASE = """
-mesh = "rotor.msh"
-scale = 1e-3
-potential = {outer = 0.0, inner = 0.0}
-materials = {rotor = {remanence = [1.0, 0.0]}, air = {}}
-adapt = {passes = 2, target_nodes = 300}
-outputs = {asked = ASKED}
-"""
-
-
-@pytest.mark.parametrize("asked", ['{quantity = "energy"}', '{quantity = "torque", body = "rotor"}'])
-def test_so_does_a_case_and_a_torque_that_it_asks(tmp_path, asked):
-    path = second_order(tmp_path)
-    if "torque" in asked:
-        ka.write_mesh(path, ka.read_mesh(path))
-    (tmp_path / "case.toml").write_text(CASE.replace("ASKED", asked))
-    case = read_case(tmp_path / "case.toml")
-    mesh = fitting_mesh(case)
-    after = ka.adapt(mesh, case.problem, outputs=case.outputs, **case.options(mesh)).history[-1].mesh
-    off, nodes = off_bore(after)
-    assert off < 1e-9
-    assert nodes > 10

@@ -1,6 +1,5 @@
 """Magnets and iron in space against fields that are known, and what is refused."""
 
-import warnings
 from functools import partial
 
 import numpy as np
@@ -13,7 +12,7 @@ from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material, Table, radial
+from kohonen_adapt.magnetostatics import Froehlich, MagneticScalarPotential, Magnetostatics, Material
 
 MAGNETISATION = 1e6
 of_order_1 = partial(MagneticScalarPotential, order=1)
@@ -96,33 +95,6 @@ def test_permeable_ball_in_a_uniform_field(balls, bh):
     assert rate(errors) > 1.5 and errors[1] < 0.12
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_newton_about_flux_densities(balls, seed):
-    """Whatever the law is, the minimum is that of the damped method, in fewer steps in saturation."""
-    rng = np.random.default_rng(seed)
-    rise, share = rng.uniform(0.05, 0.5, 6), 10.0 ** rng.uniform(-4.0, 0.0, 6)  # kinks, plateaus and S-shapes
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        law = Froehlich(2000.0, 1.6) if seed == 0 else Table(np.cumsum((rise, share * rise / MU0), axis=1).T)
-    materials, field = {"ball": Material(bh=law), "air": AIR}, (0.0, 0.0, 3e6)
-    problem = of_order_1(materials, {"outer": 0.0}, applied_field=field)
-    energy, _ = problem.functional_on(balls[0])
-    found, steps = problem.method.descend_coenergy(energy)
-    wanted, damped = problem.method.descend(energy, energy.conditions.values)
-    assert steps[-1].converged and np.linalg.norm(found - wanted) < 1e-6 * np.linalg.norm(wanted)
-    assert len(steps) < len(damped) or seed > 0
-
-
-def test_energy_and_coenergy(magnetised):
-    """Of linear material both are what H and B - Br make, and the indicators are of the norm that is told."""
-    problem, (field, _) = magnetised
-    volume, (h, b) = field.elements.volumes, (field.field_strength, field.flux_density)
-    assert field.energy == pytest.approx(0.5 * np.sum(volume * h * (b - field.remanence)))
-    assert field.coenergy == pytest.approx(np.sum(volume * h * b) - field.energy)
-    assert problem.energy_norm(field.mesh, field) == pytest.approx(np.sqrt(np.sum(volume * b**2) / MU0))
-    assert repr(field).startswith("<SolidField on 729 nodes: |B| up to ")
-
-
 def test_values_at_points(magnetised):
     _, (_, field) = magnetised
     x = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 200))
@@ -197,37 +169,6 @@ def test_half_a_body(order, kind):
     free = MagneticScalarPotential(materials, dict.fromkeys(far, 0.0), order=order).solve(half)
     with pytest.raises(ValueError, match=r"facets that are on no plane of symmetry.* Name them in symmetry"):
         free.force("a")
-
-
-def test_nothing_given_is_known_up_to_a_constant(balls):
-    """Without a potential no flux leaves the mesh, and what is free is a constant for each of its parts."""
-    ball = balls[0]
-    problem = of_order_1({"ball": Material(1.1, remanence=(0.0, 0.0, 1.0)), "air": AIR})
-    field = problem.solve(ball)
-    apart = ball.translated((20.0, 0.0, 0.0))
-    both = MeshTet(np.hstack([ball.p, apart.p]), np.hstack([ball.t, apart.t + ball.p.shape[1]]))
-    rows = ball.subdomains["ball"]
-    both = both.with_subdomains({"ball": np.r_[rows, rows + ball.nelements]})
-    both = both.with_subdomains(
-        {**both.subdomains, "air": np.setdiff1d(np.arange(both.nelements), both.subdomains["ball"])}
-    )
-    twice = problem.solve(both)
-    assert twice.energy == pytest.approx(2.0 * field.energy, rel=1e-9)
-    assert abs(field.flux("outer")) < 0.01 * np.abs(field.flux_density).max()
-
-
-def test_magnets_that_turn(balls):
-    """A remanence by a function of the place, at every point in its elements; one that is constant is that constant."""
-    uniform = lambda x: np.tile([[0.1], [0.0], [1.0]], x.shape[1])  # noqa: E731
-    one, other = (
-        of_order_1({"ball": Material(1.05, remanence=given), "air": AIR}, {"outer": 0.0})
-        for given in (uniform, (0.1, 0.0, 1.0))
-    )
-    fields = one.solve(balls[0]), other.solve(balls[0])
-    np.testing.assert_allclose(fields[0].flux_density, fields[1].flux_density, atol=1e-12)
-    np.testing.assert_allclose(one.indicators(balls[0], fields[0]), other.indicators(balls[0], fields[1]), rtol=1e-6)
-    with pytest.raises(ValueError, match=r"remanence of 'ball' must have shape \(3, n\)"):
-        of_order_1({"ball": Material(remanence=radial(1.0)), "air": AIR}).solve(balls[0])
 
 
 def test_cuboid_magnets_against_magpylib():

@@ -11,7 +11,6 @@ from skfem import MeshTet
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Force, Froehlich, MagneticScalarPotential, Material, StoredEnergy
 from kohonen_adapt.magnetostatics.solid_estimation import at_edges
-from kohonen_adapt.plotting import plot_slice
 
 AIR = Material()
 AXIS = np.linspace(-1.0, 1.0, 5)
@@ -64,23 +63,6 @@ def test_a_quadratic_potential_is_exact(order):
     for name, exact in {"x+": -8.0, "z-": 8.0, "y+": -12.0}.items():  # int H . n over a face of area 4
         assert field.flux(name) == pytest.approx(MU0 * exact, rel=1e-8)
     assert problem.indicators(mesh, field).max() < 1e-9 * problem.energy_norm(mesh, field)
-
-
-@pytest.mark.parametrize("order", HIGH)
-def test_the_fall_of_the_functional_under_refinement_in_steel(order):
-    """Spaces are nested, so the quadrature of the law must not raise the co-energy of a refined mesh."""
-    coarse = blocks([np.linspace(-1.0, 1.0, 3)] * 3, {"iron": ((-1.0, -1.0, -1.0), (0.0, 1.0, 1.0))})
-    materials = {"iron": Material(bh=Froehlich(2000.0, 0.8)), "air": AIR}
-    problem = MagneticScalarPotential(materials, {"outer": lambda x: 2e5 * np.sin(2.0 * x[2] + x[0])}, order=order)
-    fine = MeshTet(coarse.p, coarse.t).refined(1)
-    inside = fine.p[0, fine.t].mean(axis=0) < 0.0
-    fine = fine.with_subdomains({"iron": np.flatnonzero(inside), "air": np.flatnonzero(~inside)})
-    fine = fine.with_boundaries({"outer": lambda x: np.full(x.shape[1], True)})
-    values = []
-    for mesh in (coarse, fine):
-        energy, _ = problem.functional_on(mesh)
-        values.append(energy.value(problem.solve(mesh).unknown)[0])
-    assert values[1] < values[0]
 
 
 # --- applied fields and planes of symmetry -------------------------------------------------------------------------
@@ -179,18 +161,6 @@ def rate(errors):
     return float(np.log2(np.linalg.norm(errors[0]) / np.linalg.norm(errors[1])))
 
 
-def test_a_cut_is_drawn_by_a_quadratic_potential(tmp_path):
-    mesh = bent()
-    problem = MagneticScalarPotential(dict.fromkeys(("magnet", "iron", "air"), AIR), {"outer": harmonic}, order=2)
-    field = problem.solve(mesh)
-    with pytest.raises(ValueError, match=r"^point_data 'phi' has values of order 2, for \.vtu only\."):
-        ka.write_mesh(tmp_path / "field.msh", mesh, point_data={"phi": field.potential})
-    axes = plot_slice(mesh, ka.Plane((0.0, 0.0, 0.1), (0.0, 0.0, 1.0)), field.potential)
-    corners = np.concatenate([path.vertices[:3] for path in axes.collections[0].get_paths()]).T
-    drawn = harmonic(np.vstack((corners, np.full(corners.shape[1], 0.1))))
-    np.testing.assert_allclose(np.sort(axes.collections[0].get_array()), np.sort(drawn), atol=1e-9)
-
-
 # --- goals ---------------------------------------------------------------------------------------------------------
 
 
@@ -215,18 +185,6 @@ def test_the_default_is_order_2_but_for_estimators_of_order_1():
     assert replace(default, materials={"magnet": Material(remanence=turning), "air": AIR}).order == 2
     assert replace(replace(default, estimator="recovery"), estimator="residual").order == 2
     assert replace(default, order=1).order == 1
-
-
-def test_elements_at_edges_of_a_block_and_none_at_a_ball():
-    mesh = blocks([AXIS] * 3, {"block": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0))})
-    inside = np.isin(np.arange(mesh.nelements), mesh.subdomains["block"])
-    on = (np.abs(mesh.p) < 0.51).all(axis=0) & (mesh.p[2] < 0.01)
-    sides = [np.isclose(np.abs(mesh.p[0]), 0.5), np.isclose(np.abs(mesh.p[1]), 0.5)]
-    sides.append(np.isclose(mesh.p[2], -0.5) | np.isclose(mesh.p[2], 0.0))
-    edges = on & (np.sum(sides, axis=0) >= 2)
-    np.testing.assert_array_equal(at_edges(mesh, inside.astype(int)), edges[mesh.t].any(axis=0))
-    ball = nested_balls(4)
-    assert not at_edges(ball, np.isin(np.arange(ball.nelements), ball.subdomains["ball"]).astype(int)).any()
 
 
 # --- refused -------------------------------------------------------------------------------------------------------
@@ -255,17 +213,6 @@ def test_errors_of_smooth_fields_at_higher_orders_are_told(order):
     field = problem.solve(cube(4))
     error = strength_error(field, lambda x: -slope_of_harmonic_wave(x))
     assert 0.8 < np.linalg.norm(problem.indicators(field.mesh, field)) / error < 1.3
-
-
-def test_errors_beside_iron_in_an_applied_field_are_told():
-    """At singular edges without layers changes fall slowly, and the estimate is at least half of the error."""
-    materials = {"magnet": AIR, "iron": Material(50.0), "air": AIR}
-    problem = MagneticScalarPotential(materials, RIM, applied_field=(0.0, 3e4, 1e5), order=3)
-    mesh = bent()
-    field, better = problem.solve(mesh), replace(problem, order=6).solve(mesh)
-    element = field.elements.element
-    error = strength_error(field, lambda x: better.at(x, element).field_strength)
-    assert 0.6 < np.linalg.norm(problem.indicators(mesh, field)) / error < 1.5
 
 
 def test_where_there_is_no_polish():
@@ -297,3 +244,15 @@ def test_errors_of_outputs_include_orders_above_the_next(gap, lower, output, exa
     field = problem.solve(mesh)
     told = problem.improved(mesh, field, {"output": output})["output"] - output(field)
     assert 0.7 < told / (exact - output(field)) < 1.4
+
+
+def test_elements_at_edges_of_a_block_and_none_at_a_ball():
+    mesh = blocks([AXIS] * 3, {"block": ((-0.5, -0.5, -0.5), (0.5, 0.5, 0.0))})
+    inside = np.isin(np.arange(mesh.nelements), mesh.subdomains["block"])
+    on = (np.abs(mesh.p) < 0.51).all(axis=0) & (mesh.p[2] < 0.01)
+    sides = [np.isclose(np.abs(mesh.p[0]), 0.5), np.isclose(np.abs(mesh.p[1]), 0.5)]
+    sides.append(np.isclose(mesh.p[2], -0.5) | np.isclose(mesh.p[2], 0.0))
+    edges = on & (np.sum(sides, axis=0) >= 2)
+    np.testing.assert_array_equal(at_edges(mesh, inside.astype(int)), edges[mesh.t].any(axis=0))
+    ball = nested_balls(4)
+    assert not at_edges(ball, np.isin(np.arange(ball.nelements), ball.subdomains["ball"]).astype(int)).any()
