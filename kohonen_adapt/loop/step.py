@@ -63,6 +63,8 @@ class Adaptation:
         Settings of the run.
     steps
         Timer of the steps, with the index of the pass in progress.
+    order
+        Degree of the elements, read from the problem once.
     """
 
     problem: CheckedProblem
@@ -70,6 +72,7 @@ class Adaptation:
     movable: MovableMesh | MovableSolid
     settings: Settings
     steps: Steps
+    order: int
 
     @classmethod
     def of(cls, mesh: Mesh, problem: CheckedProblem, settings: Settings, steps: Steps) -> "Adaptation":
@@ -80,7 +83,7 @@ class Adaptation:
             expect(*method.polish_kernels(problem), *method.transfer_kernels)
         start = with_thin_layers(mesh, settings.rules, grows=growth.target > growth.start)
         movable = method.open(start, settings.rules, problem.is_curved)
-        return cls(problem, method, movable, settings, steps)
+        return cls(problem, method, movable, settings, steps, problem.order)
 
     def plan(self, functional: Functional) -> tuple[int, ...]:
         recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
@@ -166,7 +169,7 @@ class Adaptation:
     def figures(self, sides: Sides, cut_off: float, is_raised: bool) -> dict[str, Any]:
         # Fields of a `Pass`. `cut_off` is the area or volume between elements and their curved parts.
         problem, mesh, tolerance = sides.problem, sides.mesh, self.settings.tolerance
-        order = problem.order
+        order = problem.order if is_raised else self.order
         indicators = estimate(problem, mesh, sides.solution)
         norm = energy_norm(problem, mesh, sides.solution, tolerance.rtol)
         goal = goal_of(problem, sides.solution)
@@ -220,7 +223,7 @@ class Adaptation:
         # surface that holds its nodes in the polish only a density adds nodes.
         steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
         exchanges = by_energy or (steers and self.steps.number > self.method.passes_by_density)
-        drift = drift_of_nodes(self.method.dim, self.problem.order) * nodes
+        drift = drift_of_nodes(self.method.dim, self.order) * nodes
         return not exchanges or abs(nodes - self.movable.nnodes) > drift
 
     def moved(self, density: ArrayLike, solved: Solved, nodes: int, recycles: bool) -> Moved[Any]:
