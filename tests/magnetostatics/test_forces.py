@@ -5,21 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.meshes import area_of
 from helpers.sheets import MU0, line_potential
 from helpers.tensor_meshes import box, disk, equal_rings, sector, sewn
 from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from kohonen_adapt.magnetostatics import Magnetostatics, Material, arkkio_torque, lorentz_force, lorentz_torque
-from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
 
 AIR, IRON = Material(), Material(1000.0)
-
-
-def area_of(mesh, name):
-    return area(mesh)[mesh.subdomains[name]].sum()
 
 
 # --- exact ----------------------------------------------------------------------------------------------------------
@@ -35,7 +31,7 @@ def test_force_on_a_wire_by_one_beyond_the_mesh():
     wanted, errors, rings = MU0 * 1000.0**2 / (2 * np.pi * 0.03), [], (9, 18, 36)
     for number in rings:
         mesh = disk(equal_rings(number, 0.0225), {"wire": number // 9, "air": number})
-        wire = Material(current_density=1000.0 / area_of(mesh, "wire"))
+        wire = Material(current_density=1000.0 / area_of(mesh, mesh.subdomains["wire"]))
         far = {"outer": lambda x: line_potential(x, (0.03, 0.0), 1000.0)}
         force = Magnetostatics({"wire": wire, "air": AIR}, potential=far, order=1).solve(mesh).force("wire")
         errors.append(abs(force[0] / wanted - 1.0))

@@ -66,19 +66,9 @@ GOALS = {
 }
 CASES = {make.__name__: (make, make()[1].solve(make()[0])) for make in (magnets, under_iron, applied, halved)}
 every_goal = pytest.mark.parametrize("goal", GOALS.values(), ids=GOALS)
-every_case = pytest.mark.parametrize("case", CASES)
 
 
 # --- theorems ----------------------------------------------------------------------------------------------------
-
-
-@every_case
-def test_goals_have_the_values_of_the_field(case):
-    field = CASES[case][1]
-    assert GOALS["force"](field) == pytest.approx(field.force("b") @ GOALS["force"].direction, rel=1e-9)
-    torque = field.torque("b", GOALS["torque"].centre) @ AXIS
-    assert GOALS["torque"](field) == pytest.approx(torque, rel=1e-9, abs=1e-12)
-    assert StoredEnergy(("a", "b", "air"))(field) == pytest.approx(field.energy, rel=1e-12)
 
 
 @cache

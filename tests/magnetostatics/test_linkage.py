@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from helpers.meshes import area_of
 from helpers.sheets import MU0
 from helpers.tensor_meshes import disk, equal_rings
 
@@ -15,21 +16,16 @@ from kohonen_adapt.magnetostatics import (
     circuit_current,
     energy_inductance,
 )
-from kohonen_adapt.mesh.measures import area
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*removed in 1.2:DeprecationWarning")
 
 AIR = Material()
 
 
-def area_of(mesh, name):
-    return area(mesh)[mesh.subdomains[name]].sum()
-
-
 def wire(rings):
     """100 turns of 0.5 A in a round wire of 5 mm, A = 0 at 20 mm."""
     mesh = disk(equal_rings(rings, 0.02), {"wire": rings // 4, "air": rings})
-    parts = {"wire": Material(current_density=50.0 / area_of(mesh, "wire")), "air": AIR}
+    parts = {"wire": Material(current_density=50.0 / area_of(mesh, mesh.subdomains["wire"])), "air": AIR}
     return Magnetostatics(parts, potential={"outer": 0.0}, order=1).solve(mesh)
 
 
