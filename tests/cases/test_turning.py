@@ -80,19 +80,14 @@ def test_the_magnet_turns_with_its_subdomain(degrees, folder):
 
 @pytest.mark.parametrize("vector", ["remanence", "coercivity"])
 def test_vectors_of_every_kind_turn(vector, folder):
-    case = case_in(folder, turn={"rotor": 90.0})
-    material = dataclasses.replace(case.base_problem.materials["magnet"], remanence=(0.0, 0.0))
-    turns = {**vars(case), "base_problem": dataclasses.replace(case.base_problem, materials={
-        **case.base_problem.materials, "magnet": dataclasses.replace(material, **{vector: halbach(1.0, 2)}),
-    })}  # fmt: skip
-    names = [field.name for field in dataclasses.fields(case)]
-    field = getattr(type(case)(**{name: turns[name] for name in names}).problem.materials["magnet"], vector)
-    x = np.array([[0.1, 0.2], [0.05, -0.1]])
-    there = np.stack([-x[1], x[0]])
+    pattern = {"pattern": "halbach", "magnitude": 1.0, "pole_pairs": 2}
+    turned = {"turn": {"rotor": 90.0}}
+    case = case_in(folder, materials={"magnet": {vector: pattern}, "air": {}, "coil": {}}, **turned)
+    field, x = getattr(case.problem.materials["magnet"], vector), np.array([[0.1, 0.2], [0.05, -0.1]])
     before = halbach(1.0, 2)(x)
-    assert_allclose(field(there), [-before[1], before[0]], atol=1e-15)
-    constant = case.problem.materials["magnet"].remanence
-    assert_allclose(constant, (-1.2, 0.0), atol=1e-15)
+    assert_allclose(field(np.stack([-x[1], x[0]])), [-before[1], before[0]], atol=1e-15)
+    case = case_in(folder, **turned)
+    assert_allclose(case.problem.materials["magnet"].remanence, (-1.2, 0.0), atol=1e-15)
     assert case.problem.materials["air"] == case.base_problem.materials["air"]
 
 

@@ -277,28 +277,14 @@ def test_an_entity_in_thousands_of_groups(tmp_path):
         within_memory(lambda: ka.read_mesh(tmp_path / "m.msh"))
 
 
-def mixed_22(binary):
-    """Four triangles around a node, their outer sides as lines, by turns, in MSH 2.2."""
-    points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, 0.5)]
-    sides = [(1, 2), (2, 3), (3, 4), (4, 1)]
-    rows = [row for side in sides for row in ((1, 2, 7, 1, *side), (2, 2, 8, 1, *side, 5))]
-    head = f"$MeshFormat\n2.2 {binary} 8\n".encode() + (np.int32(1).tobytes() + b"\n" if binary else b"")
-    if binary:
-        kind = np.dtype([("number", np.int32), ("point", np.float64, 3)])
-        nodes = np.array([(k, (x, y, 0.0)) for k, (x, y) in enumerate(points, 1)], kind).tobytes()
-        table = [[kind, 1, tags, k, *rest] for k, (kind, tags, *rest) in enumerate(rows, 1)]
-        elements = b"".join(np.array(row, np.int32).tobytes() for row in table)
-    else:
-        nodes = "\n".join(f"{k} {x} {y} 0" for k, (x, y) in enumerate(points, 1)).encode()
-        elements = "\n".join(" ".join(map(str, (k, *row))) for k, row in enumerate(rows, 1)).encode()
-    return (
-        head + b"$EndMeshFormat\n$Nodes\n5\n" + nodes + b"\n$EndNodes\n$Elements\n8\n" + elements + b"\n$EndElements\n"
-    )
-
-
-@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.parametrize("binary", [False, True])
 def test_elements_of_two_kinds_by_turns(binary, tmp_path):
-    (tmp_path / "m.msh").write_bytes(mixed_22(binary))
+    """Four triangles around a node and their outer sides as lines, in MSH 2.2."""
+    points = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 0)])
+    sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    cells = [each for a, b in sides for each in (("line", [[a, b]]), ("triangle", [[a, b, 4]]))]
+    tags = {name: [np.array([7]), np.array([8])] * 4 for name in ("gmsh:physical", "gmsh:geometrical")}
+    meshio.gmsh.write(tmp_path / "m.msh", meshio.Mesh(points, cells, cell_data=tags), "2.2", binary=binary)
     mesh = ka.read_mesh(tmp_path / "m.msh")
     assert_array_equal(mesh.subdomains["region_8"], np.arange(4))
     assert_array_equal(np.sort(mesh.boundaries["boundary_7"]), np.sort(mesh.boundary_facets()))
