@@ -6,7 +6,7 @@ import pytest
 from helpers.cases import run_command
 from helpers.examples import examples
 from helpers.hostile_files import spoilt
-from helpers.mesh_files import needs_gmsh
+from helpers.mesh_files import drawn_by_gmsh, needs_gmsh
 from helpers.places import EXAMPLES
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
@@ -135,14 +135,7 @@ def test_included_files_are_drawn_in_place(tmp_path):
 @needs_gmsh
 @pytest.mark.parametrize("statement", ['Merge "part.brep";', 'v() = ShapeFromFile("part.brep");'])
 def test_geometry_is_merged_from_below_the_folder(tmp_path, statement):
-    import gmsh  # writes the part
-
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.occ.addRectangle(0, 0, 0, 2, 2)
-    gmsh.model.occ.synchronize()
-    gmsh.write(str(tmp_path / "part.brep"))
-    gmsh.finalize()
+    drawn_by_gmsh(tmp_path / "part.brep", 'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 2, 2};')
     (tmp_path / "plate.geo").write_text(
         f'SetFactory("OpenCASCADE");\n{statement}\nPhysical Surface("air") = Surface{{:}};\n'
         'Physical Curve("outer") = Curve{:};\n'

@@ -22,7 +22,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from skfem import MeshTri
-from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.magnetostatics import Brauer, FluxDensityAt, Magnetostatics, Material
@@ -35,17 +34,9 @@ PROBLEM = Magnetostatics(
 
 def start():
     """A mesh with every kind of name: overlapping, empty, oriented."""
-    mesh = inset(8)
-    core = np.zeros(mesh.nelements, dtype=bool)
-    core[mesh.subdomains["core"]] = True
-    seam = np.flatnonzero((mesh.f2t[1] >= 0) & (core[mesh.f2t[0]] != core[mesh.f2t[1]]))
-    return mesh.with_boundaries(
-        {
-            "outer": mesh.boundary_facets(),
-            "seam": OrientedBoundary(seam, (~core[mesh.f2t[0, seam]]).astype(np.int64)),
-            "no/where": np.array([], dtype=np.int32),
-        }
-    ).with_subdomains({"all": np.arange(mesh.nelements), "nothing": np.array([], dtype=np.int64)})
+    mesh, none = inset(8), np.array([], dtype=np.int64)
+    named = {"outer": mesh.boundary_facets(), "seam": mesh.facets_around("core"), "no/where": none.astype(np.int32)}
+    return mesh.with_boundaries(named).with_subdomains({"all": np.arange(mesh.nelements), "nothing": none})
 
 
 MESH = start()

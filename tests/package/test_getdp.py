@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 import pytest
 import skfem
-from helpers.mesh_files import gmsh, gmsh_session, needs_gmsh
+from helpers.mesh_files import drawn_by_gmsh, needs_gmsh
 from helpers.places import EXAMPLES
 from numpy.testing import assert_allclose
 from scipy.sparse.linalg import spsolve
@@ -141,11 +141,5 @@ def test_any_model_may_include_the_indicator(tmp_path):
 
 @needs_gmsh
 def test_the_drawing_gives_the_groups(tmp_path):
-    with gmsh_session() as model:
-        gmsh.open(str(EXAMPLES / "getdp.geo"))
-        gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
-        model.mesh.generate(2)
-        gmsh.write(str(tmp_path / "getdp.msh"))
-    assert (
-        set(ka.read_groups(tmp_path / "getdp.msh").names) == GROUPS == set(ka.read_groups(EXAMPLES / "getdp.msh").names)
-    )
+    drawn = drawn_by_gmsh(tmp_path / "getdp.msh", (EXAMPLES / "getdp.geo").read_text(encoding="utf-8"), "2.2")
+    assert set(ka.read_groups(drawn).names) == GROUPS == set(ka.read_groups(EXAMPLES / "getdp.msh").names)
