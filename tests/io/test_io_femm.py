@@ -55,7 +55,7 @@ def test_a_file_of_femm(dipole):
     assert area(mesh)[mesh.subdomains["NdFeB"]].sum() == pytest.approx(0.04 * 0.01, rel=1e-12)
 
 
-def test_the_recipe_gives_the_solution_of_femm(dipole, capsys):
+def test_the_recipe_gives_the_solution_of_femm(dipole):
     """To all its digits: the elements, the magnet and the conditions are the same."""
     RECIPE(dipole, dipole.with_name("case.toml"))
     case = read_case(dipole.with_name("case.toml"))
@@ -92,7 +92,7 @@ def strip(kind):
 
 
 @pytest.mark.parametrize(("kind", "key"), [(4, "periodic"), (5, "antiperiodic")])
-def test_sides_of_a_pair_have_one_name_and_one_each(kind, key, tmp_path, capsys):
+def test_sides_of_a_pair_have_one_name_and_one_each(kind, key, tmp_path):
     (tmp_path / "m.ans").write_text(strip(kind))
     mesh = ka.read_mesh(tmp_path / "m.ans")
     x = {name: np.unique(mesh.p[0, mesh.facets[:, rows]]).tolist() for name, rows in mesh.boundaries.items()}
@@ -109,7 +109,7 @@ def test_an_air_gap_element_is_a_hole_with_a_remedy(tmp_path, caplog):
     assert "the air gap element 'rim' has no triangles" in said and "put a block label into the gap" in said
 
 
-def test_laminations_in_the_plane_carry_flux_beside_the_air_between_them(tmp_path, capsys):
+def test_laminations_in_the_plane_carry_flux_beside_the_air_between_them(tmp_path):
     """B = fill B(H) + (1 - fill) mu0 H, as FEMM has it."""
     text = disc()[2].replace("<LamFill> = 1", "<LamFill> = 0.75").replace("<Mu_x> = 1", "<Mu_x> = 9", 1)
     materials = case_from(text.replace("<Mu_y> = 1", "<Mu_y> = 9", 1), tmp_path).problem.materials
@@ -119,12 +119,12 @@ def test_laminations_in_the_plane_carry_flux_beside_the_air_between_them(tmp_pat
     assert_allclose(materials["steel"].bh.points, wanted, rtol=1e-12)
 
 
-def test_a_noisy_curve_is_smoothed(tmp_path, capsys):
+def test_a_noisy_curve_is_smoothed(tmp_path):
     case = case_from(disc()[2].replace("1\t300\n2\t5000", "1.5\t300\n1.4\t500"), tmp_path)
     assert_allclose(case.problem.materials["steel"].bh.points, [(0.0, 0.0), (1.45, 400.0), (2.2, 160000.0)])
 
 
-def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
+def test_currents_curves_and_conditions_of_the_recipe(tmp_path):
     case = case_from(disc()[2], tmp_path)
     problem = case.problem
     assert problem.potential == {"rim": 0.5, "the diameter": 0.0} and problem.ampere_turns == {"air 1": 250.0}
@@ -135,7 +135,7 @@ def test_currents_curves_and_conditions_of_the_recipe(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("formula", "pole_pairs", "sign"), [("theta", 0, 1), ("theta+180", 0, -1), ("3*theta", 2, 1)])
-def test_magnets_that_turn_and_a_potential_that_varies(formula, pole_pairs, sign, tmp_path, capsys):
+def test_magnets_that_turn_and_a_potential_that_varies(formula, pole_pairs, sign, tmp_path):
     """By theta in degrees about the origin; and A = A_0 + A_1 x + A_2 y, with x and y in the unit of the drawing."""
     text = disc("millimeters")[2].replace("<H_c> = 0", "<H_c> = 9e5", 1).replace("<A_1> = 0", "<A_1> = 3", 1)
     text = text.replace("<A_2> = 0", "<A_2> = -0.25", 1).replace("100\t0\n", f'100\t0\t"{formula}"\n')

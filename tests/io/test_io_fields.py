@@ -102,7 +102,7 @@ def test_what_a_field_may_mean(tmp_path, meaning, capsys):
     assert_array_equal(ka.read_mesh(tmp_path / "o.msh").p, ka.relocate(mesh, density).p)
 
 
-def test_one_meaning_only(tmp_path):
+def test_one_meaning_only():
     for options in ([], ["--density", "a.vtu:a", "--sizes", "a.vtu:a"]):
         with pytest.raises(SystemExit):
             run_command("relocate", "m.msh", "--out", "o.msh", *options)

@@ -185,7 +185,7 @@ def test_nothing_is_said_of_a_polish_that_was_not_needed():
     assert message.startswith("Converged after 0 passes") and "polish" not in message.lower()
 
 
-def test_axes_of_a_problem_around_an_axis_are_r_and_z(tmp_path):
+def test_axes_of_a_problem_around_an_axis_are_r_and_z():
     plotting = pytest.importorskip("kohonen_adapt.plotting")
     mesh = MeshTri().refined(2)
     drawn = plotting.plot_density(mesh, np.ones(32), axisymmetric=True, unit="mm")

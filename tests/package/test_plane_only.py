@@ -13,15 +13,6 @@ NAMED = MESH.with_boundaries({"left": lambda x: x[0] == 0.0})
 FIELD = Magnetostatics({"core": Material(1000.0), "air": Material()}, {"left": 0.0})
 
 
-class Given:
-    """A problem of which nothing is asked."""
-
-    def solve(self, mesh):
-        raise AssertionError("solved")
-
-    indicators = ritz = solve
-
-
 CALLS = {
     "adapt, of a field": lambda: ka.adapt(NAMED, FIELD),
     "solve": lambda: FIELD.solve(NAMED),
