@@ -17,6 +17,7 @@ from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import STRONG
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.host import numbered, summed
 
 __all__ = ["with_strong_corners"]
 
@@ -45,7 +46,7 @@ class System(NamedTuple):
         matrices = np.einsum("k,cik,cjk->ijk", weights, space.hats, space.hats)
         outflow = space.against_gradients(discrete.mean) - space.against_functions(discrete.source)
         terms = np.abs(matrices * discrete.potential[mesh.t]).sum(axis=1)
-        total, scale = (np.bincount(mesh.t.ravel(), each.ravel(), count) for each in (outflow, terms))
+        total, scale = (summed(mesh.t, each, count) for each in (outflow, terms))
         imbalance, outer = np.abs(total), np.isin(np.arange(count), mesh.boundary_nodes())
         fixed = outer & (imbalance > FIXED * imbalance[~outer].max(initial=0.0) + ROUNDING * scale)
         return cls(mesh, discrete, matrices, outflow, fixed, fixed | (imbalance <= SOLVED * scale))
@@ -83,7 +84,7 @@ def contrasts(mesh: MeshTri, coefficient: Floats) -> Mask:
 
 def strong_corners(system: System, among: Mask) -> Ints:
     mesh, coefficient = system.mesh, system.discrete.reluctivity
-    kind = np.unique(coefficient, return_inverse=True)[1].ravel()
+    kind = numbered(coefficient)
     materials = Materials(coefficient, kind, None, *fixed_parts(mesh, system.fixed, 1))
     strong, _ = corner_exponents(mesh, materials, STRONG, among)
     return strong[[bool(system.solved[mesh.t[:, np.any(mesh.t == node, axis=0)]].all()) for node in strong]]
@@ -100,7 +101,7 @@ def missing_square(system: System, node: int, star: Ints) -> float:
     np.add.at(own, (place[:, None], place[None]), system.matrices[:, :, star])
     if not fixed[node]:
         own -= np.outer(own[:, -1], own[-1]) / own[-1, -1]
-    outflow = np.bincount(place.ravel(), system.outflow[:, star].ravel(), ring.size + 1)
+    outflow = summed(place, system.outflow[:, star], ring.size + 1)
     others = system.condensed(ring[free]) - own[np.ix_(free, free)]
     matrix, load, removed = endless_at(system, star, place, free)
     change = outflow[free] + load

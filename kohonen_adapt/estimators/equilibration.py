@@ -13,6 +13,7 @@ from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.kernels.triangle.equilibrate import GIVEN, NATURAL, FluxData, equilibrate, patch_scratch
 from kohonen_adapt.mesh.cells import TETRAHEDRON, check_kind
 from kohonen_adapt.mesh.elements.rules import triangle_rule
+from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import area, gradient
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.mesh.validity import check_mesh
@@ -274,7 +275,7 @@ def _check_balance(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask, imba
     space, fluxes = discrete.space, (discrete.mean, discrete.prescribed.mean(axis=1))
     parts = [np.einsum("ck,cik->ik", flux, space.hats) for flux in fluxes]
     size = space.volumes * (np.abs(parts[0] + parts[1]) + np.abs(parts[1]) + np.abs(discrete.source) / 3.0)
-    largest = np.bincount(mesh.t.ravel(), size.ravel()).max()
+    largest = summed(mesh.t, size).max()
     bad = np.flatnonzero(imbalance > UNBALANCED * largest)
     if bad.size:
         first, left = bad[0], imbalance[bad[0]] / largest

@@ -23,6 +23,7 @@ from kohonen_adapt.mesh.elements.functions import EDGES as OF_FUNCTIONS
 from kohonen_adapt.mesh.elements.functions import hierarchical
 from kohonen_adapt.mesh.elements.rules import tetrahedron_rule, triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.host import summed
 
 __all__ = ["Surplus", "cubic_functions"]
 
@@ -69,7 +70,7 @@ class Surplus:
         index, values = np.full(self.count, -1), np.zeros(self.count)
         index[self.free] = np.arange(self.free.size)
         matrix = assembled(self.unknowns, products[np.triu_indices(10)], index, self.free.size)
-        total = np.bincount(self.unknowns.ravel(), right.ravel(), self.count)[self.free]
+        total = summed(self.unknowns, right, self.count)[self.free]
         values[self.free], _ = cg(matrix, total, rtol=TOLERANCE, M=diags_array(1.0 / matrix.diagonal()))
         error = values[self.unknowns]
         return error * self.signs, np.einsum("in,ijn,jn->n", error, products, error, optimize=True)

@@ -8,6 +8,7 @@ from kohonen_adapt.arrays import Array, Floats, Ints
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.estimators.endless_layers import with_strong_corners
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
+from kohonen_adapt.mesh.host import numbered, summed
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import connected_components_of
 
@@ -86,9 +87,9 @@ def corner_averages(mesh: Mesh, values: Floats, region: Ints) -> Floats:
     shape (k, d + 1, nelements).
     """
     pair = region * mesh.nvertices + mesh.t
-    corner, size = np.unique(pair, return_inverse=True)[1].reshape(pair.shape), area(mesh)
-    weight = np.bincount(corner.ravel(), np.tile(size, len(mesh.t)))
-    totals = [np.bincount(corner.ravel(), np.broadcast_to(size * each, corner.shape).ravel()) for each in values]
+    corner, size = numbered(pair.ravel()).reshape(pair.shape), area(mesh)
+    weight = summed(corner, np.broadcast_to(size, corner.shape))
+    totals = [summed(corner, np.broadcast_to(size * each, corner.shape)) for each in values]
     return np.stack([(total / weight)[corner] for total in totals])
 
 

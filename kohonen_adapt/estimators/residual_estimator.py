@@ -10,6 +10,7 @@ from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of, centroids_of
 from kohonen_adapt.mesh.elements.functions import facet_products, nodes, reference_functions
 from kohonen_adapt.mesh.elements.groups import all_points
 from kohonen_adapt.mesh.elements.space import Space
+from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import is_in_front
 from kohonen_adapt.mesh.validity import check_mesh
 
@@ -56,8 +57,7 @@ def outflows(mesh: Mesh, outflow: Floats) -> Floats:
     if len(outflow) >= cell.dim:
         row = np.concatenate([rows_of_ends(mesh), row[cell.dim :]])
     place = row * nfacets + mesh.t2f
-    total = np.bincount(place.ravel(), outflow.ravel(), len(outflow) * nfacets)
-    return np.asarray(total, np.float64).reshape(-1, nfacets)
+    return summed(place, outflow, len(outflow) * nfacets).reshape(-1, nfacets)
 
 
 def rows_of_ends(mesh: Mesh) -> Ints:

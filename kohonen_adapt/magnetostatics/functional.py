@@ -18,6 +18,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import Goal
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import dual_residual_by_points, residual_by_points
 from kohonen_adapt.magnetostatics.solution import at_points, dual_of
+from kohonen_adapt.mesh.host import numbered
 from kohonen_adapt.problem.boundary_terms import SurfaceTerms
 from kohonen_adapt.problem.energy import Energy
 from kohonen_adapt.problem.protocol import HIGHEST_POLISHED, NotOffered
@@ -66,7 +67,7 @@ def functional_for(problem: Arguments, field: Field, goal: Goal | None) -> Ritz:
 
 def dual_functional(field: Field, ritz: Ritz, source: Floats, load: Floats) -> Ritz:
     primal_region = np.asarray(ritz.region)
-    region = np.unique(np.stack([primal_region, source]), axis=1, return_inverse=True)[1].ravel()
+    region = numbered(np.stack([primal_region, source]))
     point_region = region[field.elements.element]
     first, point = (np.unique(numbers, return_index=True)[1] for numbers in (region, point_region))
     if np.any(np.abs(load - load[:, point][:, point_region]) > TOLERANCE * np.abs(load).max()):

@@ -24,8 +24,8 @@ from kohonen_adapt.magnetostatics.quantities.point_values import Points
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.magnetostatics.residuals import STEP, divergence_by_differences
 from kohonen_adapt.mesh.cells import facet_normals, normals
-from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.elements.rules import tetrahedron_rule
+from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import inner_points, magnitude, unit_vectors
 from kohonen_adapt.problem.evaluation import Output
 from kohonen_adapt.problem.uncertain import Uncertain
@@ -60,7 +60,7 @@ class EnrichedField(SolidField):
 
     def points_in(self, inside: Mask) -> tuple[Floats, Ints, Floats]:
         # The quadrature of the elements is a part of the error near coils.
-        return Isoparametric(self.mesh).quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
+        return self.elements.shape.quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
 
     def _reaction(self, x: Floats, element: Ints) -> Floats:
         return super()._reaction(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
@@ -219,7 +219,7 @@ def at_edges(mesh: MeshTet, material: Ints) -> Mask:
     facets = mesh.facets[:, inner[np.not_equal(*material[mesh.f2t[:, inner]])]]
     normal = np.tile(unit_vectors(normals(mesh.p.T, facets.T).T), 3)
     edges, edge = np.unique(facets[[[0, 0, 1], [1, 2, 2]]].reshape(2, -1), axis=1, return_inverse=True)
-    products = np.stack([np.bincount(edge.ravel(), one * other) for one, other in product(normal, normal)])
+    products = np.stack([summed(edge, one * other) for one, other in product(normal, normal)])
     turned = np.bincount(edge.ravel()) ** 2 - np.sum(products**2, axis=0) > TURNED
     return np.asarray(np.isin(mesh.t, edges[:, turned]).any(axis=0))
 
@@ -245,4 +245,4 @@ def tangential_jumps(field: SolidField) -> Floats:
     jump = magnitude(np.cross(normal, strength[:, sides[0]] - strength[:, sides[1]], axis=0))  # times the area
     terms = jump**2 / (np.sqrt(magnitude(normal)) * reluctivity[sides].sum(axis=0))
     total = field.volume ** (5.0 / 3.0) * field.current_density**2 / reluctivity
-    return RESIDUAL_SCALE * np.sqrt(total + np.bincount(sides.ravel(), np.tile(terms, 2), total.size))
+    return RESIDUAL_SCALE * np.sqrt(total + summed(sides, np.tile(terms, 2), total.size))

@@ -11,7 +11,7 @@ from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import exponents
 from kohonen_adapt.mesh.elements.unknowns import Unknowns
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import number_facets, numbered
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
@@ -69,7 +69,7 @@ def interfaces_of(mesh: Mesh, materials: Materials) -> Interfaces:
     left, right = materials.kind[first], np.where(second >= 0, materials.kind[second], -1)
     facets = np.flatnonzero(left != right)
     sides, prescribed = np.sort(np.stack([left, right]), axis=0)[:, facets], materials.prescribed[facets]
-    kind = np.unique(np.stack([*sides, prescribed]), axis=1, return_inverse=True)[1].ravel()
+    kind = numbered(np.stack([*sides, prescribed]))
     return Interfaces(facets, prescribed, kind)
 
 
@@ -167,6 +167,6 @@ def jumps(materials: Materials, element: Ints) -> bool:
 
 
 def points_inside(shape: Blended, materials: Materials) -> Ints:
-    inside, fixed = np.ones(shape.p.shape[1], bool), materials.fixed
-    inside[shape.corners.facets[:, shape.corners.f2t[1] < 0]] = False
-    return np.flatnonzero(fixed & inside) if np.any(fixed & ~inside) else np.zeros(0, np.int64)
+    fixed = np.flatnonzero(materials.fixed)
+    inside = np.setdiff1d(fixed, shape.corners.facets[:, shape.corners.f2t[1] < 0])
+    return inside if inside.size < fixed.size else inside[:0]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
+from kohonen_adapt.arrays import Array, Floats, Ints, IntsPair, Mask
 from kohonen_adapt.mesh.cells import cell_of
 
 __all__ = [
@@ -24,9 +24,11 @@ __all__ = [
     "keys_of",
     "number_edges",
     "number_facets",
+    "numbered",
     "of_kind",
     "remade",
     "set_boundaries",
+    "summed",
 ]
 
 Host = TypeVar("Host", bound=Mesh)
@@ -121,7 +123,7 @@ def keys_of(rows: Ints, count: int) -> Ints:
     key, count = rows[0].astype(np.int64), int(count)
     for row in rows[1:]:
         if int(key.max(initial=0)) >= np.iinfo(np.int64).max // count - 1:
-            key = np.unique(key, return_inverse=True)[1].reshape(key.shape)
+            key = numbered(key.ravel()).reshape(key.shape)
         key = key * count + row
     return key
 
@@ -129,6 +131,17 @@ def keys_of(rows: Ints, count: int) -> Ints:
 def ascending(*rows: Ints) -> Ints:
     low, high = reduce(np.minimum, rows), reduce(np.maximum, rows)
     return np.stack([low, sum(rows) - low - high, high] if len(rows) == 3 else [low, high])
+
+
+def numbered(items: Array) -> Ints:
+    """Return the index of items, or of columns, among the distinct values, (n,)."""
+    axis = 1 if items.ndim > 1 else None
+    return np.unique(items, axis=axis, return_inverse=True)[1].ravel()
+
+
+def summed(index: Ints, values: Array, count: int = 0) -> Floats:
+    """Return the sums of the values with each index below `count`."""
+    return np.asarray(np.bincount(index.ravel(), values.ravel(), count), np.float64)
 
 
 def elements_of(facet: Ints, count: int) -> Ints:

@@ -13,7 +13,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Int8s, Ints, Mask
 from kohonen_adapt.checks import listed, nearest_name
-from kohonen_adapt.mesh.host import facets_opposite, is_own_name, number_facets
+from kohonen_adapt.mesh.host import facets_opposite, is_own_name, number_facets, numbered
 
 __all__ = [
     "LEFT",
@@ -238,5 +238,5 @@ def labels(regions: Ints, sides: list[Manners]) -> Ints:
         np.column_stack([pair, *(turned(side, along) for side in sides)])
         for pair, along in ((regions, True), (regions[:, ::-1], False))
     ]
-    number = np.unique(np.concatenate(directions), axis=0, return_inverse=True)[1]
+    number = numbered(np.concatenate(directions).T)
     return number.reshape(2, -1).T

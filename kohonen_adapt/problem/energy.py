@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints
+from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import magnitude, unit_vectors
 
 EPSILON, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
@@ -29,7 +30,7 @@ class Densities:
         b = size / self.x
         density = 0.5 * self.coefficient * b**2
         for law, rows in self.laws:
-            density[rows] = law.energy(b[rows])
+            density[..., rows] = law.energy(b[..., rows])
         return self.x * density
 
     def energy(self, size: Floats) -> float:
@@ -112,7 +113,7 @@ class Energy:
         aligned = np.sum(unit * one, axis=0) * np.sum(unit * other, axis=0)
         terms = densities.weights * (across * np.sum(one * other, axis=0) + (along - across) * aligned)
         element = self.space.groups.element
-        return np.bincount(element, terms, self.space.volumes.size).astype(np.float64)
+        return summed(element, terms, self.space.volumes.size)
 
     def flux(self, u: Floats) -> Floats:
         """Return the derivative of W by v, (d, n)."""

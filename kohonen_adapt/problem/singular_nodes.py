@@ -6,6 +6,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.corners import Materials, fixed_parts
+from kohonen_adapt.mesh.host import numbered
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.tables import constants_at, numbers_of
 
@@ -20,16 +21,16 @@ def materials_with(
     Without a flux that is constant in materials, regions are materials.
     """
     values = region[None] if flux is None else flux
-    kind = numbered(np.stack([coefficient, law, *values]), region)
+    kind = numbered_by_regions(np.stack([coefficient, law, *values]), region)
     return Materials(coefficient, kind, flux, *fixed_parts(mesh, fixed, order))
 
 
-def numbered(columns: Floats, region: Ints) -> Ints:
+def numbered_by_regions(columns: Floats, region: Ints) -> Ints:
     # Number equal columns alike. Columns that are equal in regions are sorted once per region, not once per element.
     first, within = np.unique(region, return_index=True, return_inverse=True)[1:]
     if not np.array_equal(columns, columns[:, first][:, within]):
         first = within = np.arange(columns.shape[1])
-    return np.unique(columns[:, first], axis=1, return_inverse=True)[1].ravel()[within]
+    return numbered(columns[:, first])[within]
 
 
 def materials_of(mesh: Mesh, ritz: Ritz) -> Materials:

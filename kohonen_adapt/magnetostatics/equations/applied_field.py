@@ -23,7 +23,16 @@ from kohonen_adapt.mesh.cells import centroids_of, facet_normals
 from kohonen_adapt.mesh.elements.functions import nodes, reference_functions
 from kohonen_adapt.mesh.elements.rules import triangle_rule
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import ascending, edges_around, edges_in, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import (
+    ascending,
+    edges_around,
+    edges_in,
+    keys_of,
+    number_edges,
+    number_facets,
+    numbered,
+    summed,
+)
 from kohonen_adapt.mesh.measures import EDGES, hat_gradients, is_in_front
 from kohonen_adapt.mesh.names import connected_components_of
 
@@ -158,12 +167,12 @@ def _flux_out(elements: Space, permeability: Floats, function: AppliedField, clo
     jump = permeability[first] - np.append(permeability, 0.0)[second]  # second is -1 at the outer boundary
     surface = np.setdiff1d(np.flatnonzero(np.abs(jump) > TOLERANCE * VACUUM_PERMEABILITY), closed)
     jump[~is_in_front(mesh.p[:, mesh.facets], centroids_of(mesh, first))] *= -1.0
-    load, unknowns = np.zeros(elements.doflocs.shape[1]), elements.on_facets(surface).ravel()
+    load, unknowns = np.zeros(elements.doflocs.shape[1]), elements.on_facets(surface)
     for barycentric, weight in zip(*triangle_rule(DEGREE[order]), strict=True):
         x, normal = elements.facet_points(surface, barycentric)
         flux = 0.5 * weight * jump[surface] * np.sum(normal * field_at(function, x), axis=0)
         terms = reference_functions(barycentric[None], order)[0] * flux
-        load += np.bincount(unknowns, terms.ravel(), load.size)
+        load += summed(unknowns, terms, load.size)
     size = np.abs(load)  # the sum is the flux out of closed surfaces, which is 0 but for the error of the quadrature
     return load - size * (load.sum() / size.sum()) if size.any() else load
 
@@ -261,7 +270,7 @@ def _layer(mesh: MeshTet, rows: Ints, circulation: Floats) -> Floats:
     if not circulation.any():
         return layer
     start, end = EDGES
-    t, edge = mesh.t[:, rows], np.unique(mesh.t2e[:, rows], return_inverse=True)[1].reshape(6, -1)
+    t, edge = mesh.t[:, rows], numbered(mesh.t2e[:, rows].ravel()).reshape(6, -1)
     along = np.where(t[start] < t[end], circulation[edge], -circulation[edge])
     rise = np.zeros(t.shape)
     rise[end[start == 0]] = along[start == 0]

@@ -15,7 +15,7 @@ from kohonen_adapt.mesh.cells import centroids_of
 from kohonen_adapt.mesh.cells import crossed as cross_product
 from kohonen_adapt.mesh.elements.assembly import Reduced
 from kohonen_adapt.mesh.elements.space import Space
-from kohonen_adapt.mesh.host import ascending, edges_around, elements_of, keys_of, number_edges, number_facets
+from kohonen_adapt.mesh.host import ascending, edges_around, elements_of, keys_of, number_edges, number_facets, summed
 from kohonen_adapt.mesh.measures import EDGES, is_in_front, magnitude
 from kohonen_adapt.mesh.names import connected_components_of
 
@@ -110,7 +110,7 @@ class Curls:
 
     def assemble_vector(self, terms: Floats) -> Floats:
         count = self.edges.nodes.shape[1]
-        return np.bincount(self.edges.unknowns.ravel(), terms.ravel(), count).astype(np.float64)
+        return summed(self.edges.unknowns, terms, count)
 
     @cached_property
     def _entry(self) -> Ints:
@@ -150,7 +150,7 @@ class Curls:
             slope = np.einsum("ck,cik->ik", along[1], edges.curls)
             forms.append(((along[0] - across) * edges.volumes, slope[None]))
         terms = [sum(w * np.einsum("ck,ck->k", a[:, i], a[:, j]) for w, a in forms) for i, j in PAIRS.T]
-        values = np.bincount(self._entry.ravel(), np.ravel(terms))
+        values = summed(self._entry, np.array(terms))
         # CSR of a symmetric matrix is CSC
         return Reduced(csc_array((values[pattern.data], pattern.indices, pattern.indptr), shape=pattern.shape))
 
@@ -239,4 +239,4 @@ def prescribed_flux_load(edges: EdgeElements, crossed: Ints, potential: Floats) 
     mean = potential[edges.mesh.facets[:, crossed]].mean(axis=0)
     outward = np.where(edges.turns_outward(crossed), 1.0, -1.0)
     terms = -FACET_SIGNS[:, None] * (mean * outward)
-    return np.bincount(edges.on_facets(crossed).ravel(), terms.ravel(), edges.nodes.shape[1]).astype(np.float64)
+    return summed(edges.on_facets(crossed), terms, edges.nodes.shape[1])

@@ -14,6 +14,7 @@ from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGo
 from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.locate import find_elements
 from kohonen_adapt.mesh.measures import distances
+from kohonen_adapt.problem.singular_nodes import numbered_by_regions
 
 __all__ = ["FluxDensityAt"]
 
@@ -85,8 +86,7 @@ def distance_to_jumps(field: Any, x: Floats, include_current: bool) -> float:
         np.where(of_its_own, coefficients.material_index, -1),
         coefficients.current_density if include_current else np.zeros(of_its_own.size),
     ]
-    _, first, material = np.unique(coefficients.material_index, return_index=True, return_inverse=True)
-    kind = np.unique(np.vstack(rows)[:, first], axis=1, return_inverse=True)[1].ravel()[material]
+    kind = numbered_by_regions(np.vstack(rows), coefficients.material_index)
     one, other = mesh.f2t
     facets = mesh.facets[:, (other < 0) | (kind[one] != kind[other])]
     if field.axisymmetric:

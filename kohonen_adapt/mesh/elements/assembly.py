@@ -12,7 +12,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.mesh.host import number_edges, number_facets
+from kohonen_adapt.mesh.host import number_edges, number_facets, summed
 
 __all__ = [
     "Interiors",
@@ -61,7 +61,7 @@ class Reduced:
         inner, outer = self.interiors.inner, self.interiors.outer
         moved = np.einsum("mio,mi->mo", self.interiors.coupling, right[inner])
         count = self.rows.size
-        return right[self.rows] - np.bincount(np.where(outer < 0, count, outer).ravel(), moved.ravel(), count + 1)[:-1]
+        return right[self.rows] - summed(np.where(outer < 0, count, outer), moved, count + 1)[:-1]
 
     def completed(self, solution: Floats, right: Floats) -> Floats:
         if self.interiors is None or self.rows is None:
@@ -97,7 +97,7 @@ def assembled(unknowns: Ints, products: Floats, index: Ints, nfree: int) -> csc_
     # Diagonal terms are summed before the assembly.
     on_diagonal, upper = np.flatnonzero(i == j), np.flatnonzero(i != j)
     free = np.flatnonzero(index >= 0)
-    diagonal = np.bincount(unknowns.ravel(), products[on_diagonal].ravel(), index.size)[free]
+    diagonal = summed(unknowns, products[on_diagonal], index.size)[free]
     rows = index[unknowns]
     start, end = rows[i[upper]], rows[j[upper]]
     inner = (start >= 0) & (end >= 0)
@@ -126,7 +126,7 @@ class Pattern:
     starts: Ints
 
     def matrix(self, products: Floats) -> csc_array:
-        data = np.bincount(self.places.ravel(), products.ravel())[: self.indices.size]
+        data = summed(self.places, products)[: self.indices.size]
         return csc_array((data, self.indices, self.starts), shape=(self.rows.size,) * 2)
 
 

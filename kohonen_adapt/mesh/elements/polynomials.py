@@ -20,7 +20,7 @@ from kohonen_adapt.kernels.triangle.arrays import Points, Reference
 from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.functions import ON_AXIS, factor_at, hierarchical, near_axis
 from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, SOURCE_DEGREE, points_near_axis, triangle_rule
-from kohonen_adapt.mesh.host import edges_between, facets_opposite, number_edges
+from kohonen_adapt.mesh.host import edges_between, facets_opposite, number_edges, summed
 
 __all__ = [
     "FIRST",
@@ -217,5 +217,5 @@ def hierarchical_loads(mesh: MeshTet, load: Floats) -> Floats:
     number_edges(mesh)
     count, found = int(mesh.nvertices), load.copy()
     for end in mesh.edges:
-        found[:count] += 0.5 * np.bincount(end, load[count:], count)
+        found[:count] += 0.5 * summed(end, load[count:], count)
     return found

@@ -28,6 +28,7 @@ from kohonen_adapt.mesh.elements.functions import (
 )
 from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, all_points, check_orientation, reference, times
 from kohonen_adapt.mesh.elements.unknowns import Unknowns
+from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import area, hat_gradients
 
 __all__ = ["Space"]
@@ -198,7 +199,7 @@ class Space(Unknowns):
         return self.groups.by_element(lambda group: group.against_slopes(size))
 
     def assemble_vector(self, terms: Floats) -> Floats:
-        return np.bincount(self.unknowns.ravel(), terms.ravel(), self.doflocs.shape[1]).astype(np.float64)
+        return summed(self.unknowns, terms, self.doflocs.shape[1])
 
     def loads(self, source: Floats, flux: Floats) -> Floats:
         """Return ``int source phi + flux . grad phi`` of every unknown.
