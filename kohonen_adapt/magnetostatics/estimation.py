@@ -113,8 +113,8 @@ def equilibrated_bound(problem: Arguments, field: Field) -> Floats:
     if not coefficients.nonlinear_materials:
         return equilibrated(field.mesh, field.potential, coefficients.reluctivity, **given)
     balanced = equilibrated_flux(field.mesh, field.potential, field.reluctivity, **given)
-    laws = coefficients.law_energy, coefficients.law_coenergy
-    return duality_gap(field.mesh, field.potential, balanced, *laws, flux=coefficients.flux)
+    energies = [densities.density for densities in (coefficients.densities(), coefficients.coenergy_densities())]
+    return duality_gap(field.mesh, field.potential, balanced, *energies, flux=coefficients.flux)
 
 
 def scalar_problem(field: Any, estimator: str, at_corners: bool) -> FloatsPair:

@@ -45,7 +45,7 @@ def test_the_bounds_are_the_values_of_both_functionals(body, arguments):
     problem = MagneticScalarPotential(materials, **arguments)
     functional, start = problem.vector_potential.functional_on(mesh)
     coercivity = np.linalg.norm(start.coefficients.coercivity, axis=0)[None]
-    at_rest = float(np.sum(found.scalar.volume * start.coefficients.law_coenergy(coercivity)))
+    at_rest = float(np.sum(found.scalar.volume * start.coefficients.coenergy_densities().density(coercivity)))
     size = abs(found.lower) + abs(found.upper) + at_rest
     if "coils" not in arguments:
         assert np.isclose(found.upper, found.scalar.coenergy, rtol=1e-9)

@@ -107,7 +107,7 @@ def test_the_ritz_of_a_solution_is_the_functional_that_was_solved(made, body):
     constant, found = energy.constant, functional_value(mesh, problem.ritz(mesh, field))
     if isinstance(problem, MagneticScalarPotential):  # that of magnets, except in laws
         given, linear = field.coefficients, ~field.coefficients.nonlinear
-        density = given.law_coenergy(np.linalg.norm(given.coercivity, axis=0)[None])[0]
+        density = given.coenergy_densities().density(np.linalg.norm(given.coercivity, axis=0))
         constant = float(field.elements.volumes[linear] @ density[linear])
     wanted = energy.value(field.unknown)[0] - constant
     assert found == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(constant))

@@ -105,14 +105,6 @@ class Coefficients:
         used, first, index = np.unique(self.material_index, return_index=True, return_inverse=True)
         return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, index
 
-    def law_energy(self, b: Floats) -> Floats:
-        """Return ``int_0^b H dB`` without magnets, shape (k, nelements) in J/m^3."""
-        return np.stack([self.densities().density(size) for size in b])
-
-    def law_coenergy(self, h: Floats) -> Floats:
-        """Return ``int_0^h B dH`` without magnets, shape (k, nelements) in J/m^3."""
-        return np.stack([self.coenergy_densities().density(size) for size in h])
-
     def energy_density(self, flux_density: Floats) -> Floats:
         """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
         change = flux_density - self.remanence
