@@ -5,16 +5,18 @@ element lies, nor that more than two elements share a facet. The number of eleme
 of the rim only. Elements that lie on others are therefore found by the centroids of elements with a facet on the rim.
 """
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial import KDTree
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Array, Floats, Ints, IntsPair, Mask
+from kohonen_adapt.arrays import Array, Floats, Ints, IntsPair
 from kohonen_adapt.checks import listed, point_text
-from kohonen_adapt.mesh.cells import CELLS, cell_of, centroids_of
-from kohonen_adapt.mesh.curved import corners_of, is_second_order, midside_offsets
-from kohonen_adapt.mesh.host import ascending, elements_of, keys_of
+from kohonen_adapt.mesh.cells import CELLS, cell_of, centroids_of, width_of
+from kohonen_adapt.mesh.curved import corners_of, midside_offsets
+from kohonen_adapt.mesh.host import ascending, elements_of, keys_of, numbered
 from kohonen_adapt.mesh.names import connected_components_of, named_sets
 
 __all__ = [
@@ -47,10 +49,11 @@ def neighbours_of(node: Ints, position: Floats) -> Ints:
     cell = CELLS[node.shape[1] - 1]
     facet = node.T[np.array(cell.outward).T]  # (d, d + 1, m)
     key = keys_of(ascending(*facet), int(node.max()) + 1)
-    index = np.unique(key, return_inverse=True)[1].reshape(key.shape)
-    count, even = (np.bincount(index.ravel(), weights) for weights in (None, _is_even(facet).ravel()))
+    index = numbered(key.ravel()).reshape(key.shape)
+    odd = np.logical_xor.reduce([one > other for one, other in combinations(facet, 2)])
+    count, of_odd = (np.bincount(index.ravel(), weights) for weights in (None, odd.ravel()))
     # Two elements have the nodes of a facet in opposite orientation, and no third element has the same nodes.
-    bad = ((count > 2) | ((count == 2) & (even != 1)))[index]
+    bad = ((count > 2) | ((count == 2) & (of_odd != 1)))[index]
     if bad.any():
         element, corner = np.argwhere(bad.T)[0]
         shown = " and ".join(f"node {end} at {point_text(position[end])}" for end in facet[:, corner, element])
@@ -60,13 +63,6 @@ def neighbours_of(node: Ints, position: Floats) -> Ints:
         )
     neighbour = elements_of(index, len(count)).sum(axis=0)[index] - np.arange(len(node))
     return np.ascontiguousarray(neighbour.T, np.int32)
-
-
-def _is_even(rows: Ints) -> Mask:
-    odd = np.zeros(rows.shape[1:], bool)
-    for k in range(1, len(rows)):
-        odd ^= np.logical_xor.reduce(rows[:k] > rows[k], axis=0)
-    return ~odd
 
 
 def parts_of_regions(neighbour: Ints, region: Ints) -> Ints:
@@ -104,25 +100,30 @@ def connected_arrays(mesh: Mesh) -> tuple[Floats, Ints, Ints]:
 
 def refuse_overlap(mesh: Mesh, position: Floats, node: Ints, neighbour: Ints) -> None:
     rim = np.flatnonzero((neighbour < 0).any(axis=1))
-    low, high = position.min(axis=0), position.max(axis=0)
-    size = (high - low).max()
-    scaled = (position - low) / size
-    corners, margin = scaled.T[:, node.T], np.zeros(len(node))
-    if is_second_order(mesh):
-        margin = np.linalg.norm(midside_offsets(mesh), axis=0).max(axis=0) / size
+    size, (words, drawn) = width_of(mesh), WHAT[cell_of(mesh).dim]
+    corners = ((position - position.min(axis=0)) / size).T[:, node.T]
+    extent = np.ptp(corners, axis=1).max(axis=0)
+    margin = 1.5 * np.linalg.norm(midside_offsets(mesh), axis=0).max(axis=0) / size
     tree = BoxTree(corners.min(axis=1), corners.max(axis=1))
     start, count = 0, FIRST
     while start < len(rim):
         own = rim[start : start + count]
         centroids = corners[:, :, own].mean(axis=1)
         holder, point = tree.boxes_around(centroids)
-        other = holder != own[point]
-        holder, point = holder[other], point[other]
-        margin_of_pair = margin[holder] + margin[own[point]]
-        inside = are_inside(corners[:, :, holder], centroids[:, point], margin_of_pair)
+        others = holder != own[point]
+        holder, point = holder[others], point[others]
+        # a side in the plane is at most sqrt(2) extents long
+        least = (ROUNDING + margin[holder] + margin[own[point]]) * extent[holder] ** (len(corners) - 1)
+        inside = np.all(parts_at(corners[:, :, holder], centroids[:, point]) > least, axis=0)
         if inside.any():
             first = np.flatnonzero(inside)[np.argmin(point[inside])]
-            raise ValueError(overlap_message(mesh, int(own[point[first]]), int(holder[first])))
+            element, other = own[point[first]], holder[first]
+            raise ValueError(
+                f"the mesh lies on itself: at {point_text(centroids_of(mesh, element))} element {element}"
+                f"{_subdomain(mesh, element)} is on element {other}{_subdomain(mesh, other)}, so {words} count twice. "
+                f"Cut the {drawn} of the drawing at one another before meshing (Gmsh: BooleanFragments, where both are "
+                "the same Coherence), so that each lies in one subdomain only."
+            )
         start, count = start + count, min(count * GROWTH, MOST)
 
 
@@ -152,17 +153,6 @@ class BoxTree:
         return self.order[box], point
 
 
-def are_inside(corners: Floats, x: Floats, margin: Floats) -> Mask:
-    """Return True for points farther than `margin` inside their elements.
-
-    Elements have corners (d, d + 1, q), points are (d, q), and coordinates are of the order of 1.
-    """
-    dim = len(corners)
-    extent = np.ptp(corners, axis=1).max(axis=0)
-    least = (ROUNDING + 1.5 * margin) * extent ** (dim - 1)  # a side in the plane is at most sqrt(2) extents long
-    return np.all(parts_at(corners, x) > least, axis=0)
-
-
 def parts_at(corners: Floats, x: Floats) -> Floats:
     # determinants of the elements with one corner at the point, (d + 1, q): barycentric coordinates times determinants
     found = []
@@ -171,17 +161,6 @@ def parts_at(corners: Floats, x: Floats) -> Floats:
         replaced[:, corner] = x
         found.append(CELLS[len(x)].determinant(replaced))
     return np.stack(found)
-
-
-def overlap_message(mesh: Mesh, element: int, other: int) -> str:
-    middle = centroids_of(mesh, element)
-    words, drawn = WHAT[cell_of(mesh).dim]
-    return (
-        f"the mesh lies on itself: at {point_text(middle)} element {element}{_subdomain(mesh, element)} is on element "
-        f"{other}{_subdomain(mesh, other)}, so {words} count twice. Cut the {drawn} of the drawing at one another "
-        "before meshing (Gmsh: BooleanFragments, where both are the same Coherence), so that each lies in one "
-        "subdomain only."
-    )
 
 
 def _subdomain(mesh: Mesh, element: int) -> str:

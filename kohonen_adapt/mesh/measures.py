@@ -153,9 +153,8 @@ def hat_gradients(mesh: Mesh) -> Floats:
     return cell_of(mesh).hat_gradients(corner_positions(mesh))
 
 
-def gradient(mesh: Mesh, values: ArrayLike, hats: Floats | None = None) -> Floats:
-    hats = hat_gradients(mesh) if hats is None else hats
-    return np.einsum("ik,cik->ck", np.asarray(values, float)[mesh.t], hats)
+def gradient(mesh: Mesh, values: ArrayLike) -> Floats:
+    return np.einsum("ik,cik->ck", np.asarray(values, float)[mesh.t], hat_gradients(mesh))
 
 
 def inner_points(corners: Floats) -> Floats:

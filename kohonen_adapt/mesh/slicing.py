@@ -9,6 +9,7 @@ from skfem import Mesh, MeshTri
 from kohonen_adapt.arrays import Array, Floats, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of, width_of
 from kohonen_adapt.mesh.host import keys_of, number_facets
+from kohonen_adapt.mesh.measures import unit_vectors
 from kohonen_adapt.mesh.names import named_sets
 
 __all__ = ["CutBy", "Flat", "cut_triangles", "flat"]
@@ -87,7 +88,7 @@ def flat(mesh: Mesh, plane: CutBy | None, axisymmetric: bool = False) -> Flat:
         raise ValueError("a mesh of tetrahedra is shown in a cut: plane=ka.Plane(point, normal). Or plot_surface.")
     if not isinstance(plane, CutBy):
         raise ValueError(f"plane must be a Plane, for instance ka.Plane(point, normal); got {plane!r}.")
-    normal = np.array(plane.normal, float) / np.linalg.norm(plane.normal)
+    normal = unit_vectors(np.array(plane.normal, float))
     below, above, element, height = _cut(mesh, np.asarray(plane.point, float), normal)
     on, under = height[above] == 0.0, height[below] == 0.0
     below, above = np.where(on, above, below), np.where(under, below, above)
@@ -149,7 +150,7 @@ def cut_triangles(corners: Floats, plane: CutBy) -> Floats:
     ndarray (2, 2, k)
         Coordinates in the plane, as those of `flat`, of both ends of the segments.
     """
-    normal = np.array(plane.normal, float) / np.linalg.norm(plane.normal)
+    normal = unit_vectors(np.array(plane.normal, float))
     height = np.einsum("c,cin->in", normal, corners - np.reshape(plane.point, (3, 1, 1)))
     below, above, row = _pieces(height >= 0.0)
     low, high = height[below, row], height[above, row]
