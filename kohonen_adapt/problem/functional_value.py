@@ -5,8 +5,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from skfem import ElementTetP1, Mesh, MeshTet, MeshTri
-from skfem.quadrature import get_quadrature
+from skfem import Mesh, MeshTet, MeshTri
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.mesh.cells import TETRAHEDRON, corner_positions
@@ -20,7 +19,7 @@ from kohonen_adapt.mesh.elements.polynomials import (
     modes_of,
     unknowns_of_elements,
 )
-from kohonen_adapt.mesh.elements.rules import Rule, triangle_rule
+from kohonen_adapt.mesh.elements.rules import Rule, tabled_rule, triangle_rule
 from kohonen_adapt.mesh.measures import inner_points, magnitude
 from kohonen_adapt.problem.boundary_terms import (
     corner_values,
@@ -232,10 +231,7 @@ def source_rule(order: int, dim: int, degree: int = 4) -> Rule:
 
     In the plane the rule is exact for a source that is a polynomial of degree ``order + degree``, in space of degree 6.
     """
-    if dim == 2:
-        return triangle_rule(2 * order + degree)
-    points, weights = get_quadrature(ElementTetP1, IN_SPACE[order])
-    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 6.0 * weights
+    return triangle_rule(2 * order + degree) if dim == 2 else tabled_rule(3, IN_SPACE[order])
 
 
 @cache

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from skfem.quadrature import get_quadrature
-from skfem.refdom import RefTet
 
 from kohonen_adapt.arrays import Floats, Ints, Mask
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive, total_potential
 from kohonen_adapt.magnetostatics.equations.edge_elements import EdgeElements
 from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, circulations, field_at
-from kohonen_adapt.mesh.cells import centroids_of, corner_positions
+from kohonen_adapt.mesh.cells import centroids_of
+from kohonen_adapt.mesh.elements.rules import tabled_rule
 
 __all__ = ["EdgeDrive", "edge_drive"]
 
@@ -39,13 +38,10 @@ class EdgeDrive(Drive):
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""
         if self.function is None:
             return 0.0
-        mesh, total, every = self.edges.mesh, 0.0, np.arange(density.shape[1])
-        points, weights = get_quadrature(RefTet, DEGREE)
-        for barycentric, weight in zip(np.vstack((1.0 - points.sum(axis=0), points)).T, weights, strict=True):
-            x = np.einsum("i,cik->ck", barycentric, corner_positions(mesh))
-            difference = field_at(self.function, x) - self.edges.at(self.circulation, x, every)
-            total += 6.0 * weight * float(np.sum(self.edges.volumes * difference * density))
-        return total
+        every, rule = np.arange(density.shape[1]), tabled_rule(3, DEGREE)
+        x, element, volumes = self.elements.shape.quadrature(every, rule)
+        difference = field_at(self.function, x) - self.edges.at(self.circulation, x, element)
+        return float(np.sum(volumes * difference * density[:, element]))
 
 
 def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -> EdgeDrive:

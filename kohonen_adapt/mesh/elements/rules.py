@@ -6,13 +6,14 @@ A rule has barycentric coordinates (n, d + 1) and weights (n,) with sum 1.
 from collections.abc import Sequence
 from functools import cache
 from itertools import permutations
+from math import factorial
 
 import numpy as np
 from scipy.special import roots_jacobi
-from skfem import ElementTriP1
 from skfem.quadrature import get_quadrature
 
 from kohonen_adapt.arrays import FloatsPair
+from kohonen_adapt.mesh.cells import CELLS
 
 __all__ = [
     "CURVED_RULE_IN_SPACE",
@@ -94,8 +95,13 @@ def product_rule(counts: tuple[int, ...]) -> Rule:
 def triangle_rule(degree: int) -> Rule:
     if degree > HIGHEST_TABLED:
         return rule_about(0, degree)
-    points, weights = get_quadrature(ElementTriP1, degree)
-    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), 2.0 * weights
+    return tabled_rule(2, degree)
+
+
+def tabled_rule(dim: int, degree: int) -> Rule:
+    """Return a rule of scikit-fem."""
+    points, weights = get_quadrature(CELLS[dim].mesh.elem, degree)
+    return np.stack([1.0 - points.sum(axis=0), *points], axis=1), factorial(dim) * weights
 
 
 def rule_about(corner: int, degree: int) -> Rule:
