@@ -10,6 +10,7 @@ from skfem import MeshTri
 
 from kohonen_adapt.arrays import DataFunction, Floats, Ints, Mask
 from kohonen_adapt.checks import finite_values
+from kohonen_adapt.geometry.circles import fitted_sphere
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -109,10 +110,14 @@ def conditions_of(elements: Space, given: Any, symmetry: Symmetry, anchored: boo
     if given.periodic or given.antiperiodic:
         ties = ties_of(elements, given.periodic, given.antiperiodic)
         fixed, values = _values_on_ties(elements.doflocs, ties, fixed, values)
+    found = Conditions(fixed, values, np.flatnonzero(~fixed), open_boundary, None, ties)
     if not anchored:
-        check_anchored(elements.corners.facets, elements.corners.nvertices, fixed, open_boundary, ties)
-    free = np.flatnonzero(~fixed)
-    return Conditions(fixed, values, free, open_boundary, None if ties is None else _class_matrix(ties, free), ties)
+        check_anchored(elements.corners, found)
+    if ties is None:
+        return found
+    masters, column = np.unique(ties.master[found.free], return_inverse=True)
+    entries = ties.sign[found.free], (np.arange(column.size), column)
+    return replace(found, join=csc_array(entries, shape=(column.size, masters.size)))
 
 
 def open_boundary_of(
@@ -139,15 +144,10 @@ def open_boundary_of(
 
 def circle_of(mesh: MeshTri, name: str) -> tuple[Floats, float]:
     x = mesh.p[:, np.unique(mesh.facets[:, np.asarray(mesh.boundaries[name])])]
-    mean = x.mean(axis=1, keepdims=True)
-    scale = np.max(np.abs(x - mean))
-    scaled = (x - mean) / scale
-    rows = np.vstack((2.0 * scaled, np.ones(x.shape[1]))).T
-    solution, _, rank, _ = np.linalg.lstsq(rows, np.sum(scaled**2, axis=0))
-    centre = mean[:, 0] + scale * solution[:2]
+    centre, fitted = fitted_sphere(x.T)
     distance = np.hypot(*(x - centre[:, None]))
     radius = float(distance.mean())
-    if rank < 3 or np.ptp(distance) > 2.0 * ROUND * radius:
+    if fitted == np.inf or np.ptp(distance) > 2.0 * ROUND * radius:
         raise ValueError(
             f"the open boundary {name!r} must be a circle, or an arc; its nodes are {distance.min():.6g} to "
             f"{distance.max():.6g} m from the best centre. Draw the outer boundary as a circle, or fix A on it."
@@ -233,17 +233,11 @@ def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple
     return all_fixed, np.where(fixed, values, shared)
 
 
-def _class_matrix(ties: Ties, free: Ints) -> csc_array:
-    masters, column = np.unique(ties.master[free], return_inverse=True)
-    return csc_array((ties.sign[free], (np.arange(free.size), column)), shape=(free.size, masters.size))
-
-
-def check_anchored(
-    facets: Ints, nodes: int, fixed: Mask, open_boundary: OpenBoundary | None, ties: Ties | None
-) -> None:
-    pairs, anchored = facets.T, fixed[:nodes].copy()
-    if open_boundary is not None:
-        anchored |= open_boundary.matrix.diagonal()[:nodes] > 0.0
+def check_anchored(mesh: MeshTri, conditions: Conditions) -> None:
+    pairs, nodes, ties = mesh.facets.T, mesh.nvertices, conditions.ties
+    anchored = conditions.fixed[:nodes].copy()
+    if conditions.open_boundary is not None:
+        anchored |= conditions.open_boundary.matrix.diagonal()[:nodes] > 0.0
     if ties is not None:
         tied, inside = np.stack((ties.first, ties.second), axis=1), ties.first < nodes
         pairs = np.concatenate((pairs, tied[inside]))

@@ -68,9 +68,7 @@ class Table(Continued):
     def __init__(self, points: ArrayLike, smooth: bool = False) -> None:
         array = _checked(points, smooth)
         vars(self)["points"] = tuple(map(tuple, array.tolist()))
-        self._interpolate(*array.T)
-
-    def _interpolate(self, b: Floats, h: Floats) -> None:
+        b, h = array.T
         slope, secant = scipy.interpolate.PchipInterpolator(b, h).derivative()(b), np.diff(h) / np.diff(b)
         # scipy's end slope can be zero, an infinite permeability. Up to 3 secants the curve remains monotone.
         slope[[0, -1]] = np.clip(slope[[0, -1]], 0.5 * secant[[0, -1]], 3.0 * secant[[0, -1]])
@@ -86,15 +84,12 @@ class Table(Continued):
                 "bh must begin with a slope dB/dH above mu0; it is less permeable than vacuum from its start, "
                 f"{b[1]:g} T at {h[1]:g} A/m. B must be in T, not in another unit, and H in A/m."
             )
-        self._warn_of_its_end(1.0 / (VACUUM_PERMEABILITY * float(slope[-1])))
-
-    def _warn_of_its_end(self, permeability: float) -> None:
-        b, h = self.points[-1]
-        if self.end == b and permeability > SATURATED:
+        permeability = 1.0 / (VACUUM_PERMEABILITY * slope[-1])
+        if self.end == b[-1] and permeability > SATURATED:
             warnings.warn(
-                f"the table ends at {b:g} T, {h:g} A/m far from saturation (relative differential permeability "
+                f"the table ends at {b[-1]:g} T, {h[-1]:g} A/m far from saturation (relative differential permeability "
                 f"{permeability:.0f}); beyond, dB/dH = mu0 is assumed. Add points up to saturation.",
-                stacklevel=4,
+                stacklevel=2,
             )
 
 
