@@ -9,7 +9,6 @@ from skfem import MeshTet
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
-from kohonen_adapt.magnetostatics.equations.auxiliary import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
     Curls,
     EdgeElements,
@@ -18,6 +17,7 @@ from kohonen_adapt.magnetostatics.equations.edge_elements import (
     prescribed_flux_load,
 )
 from kohonen_adapt.magnetostatics.equations.edge_equations import edge_drive
+from kohonen_adapt.magnetostatics.equations.edge_solver import EdgeSolver
 from kohonen_adapt.magnetostatics.equations.newton import (
     TOLERANCE,
     Newton,
@@ -94,8 +94,6 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         nonlinear = not energy.is_quadratic
         solver = replace(
             self.solver,
-            edges=energy.space.edges,
-            conditions=energy.conditions,
             rtol=RTOL_OF_STEPS if nonlinear else self.solver.rtol,
             floor=SMALL * float(np.linalg.norm(energy.load)) if nonlinear else 0.0,
         )
