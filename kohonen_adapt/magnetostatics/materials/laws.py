@@ -27,8 +27,8 @@ VACUUM_PERMEABILITY = 4e-7 * pi  # H/m
 VACUUM_RELUCTIVITY = 1.0 / VACUUM_PERMEABILITY  # m/H
 
 EPSILON = float(np.finfo(float).eps)
-MOST_STEPS = 200  # of the inversion of a law; 100 bisections suffice
-FREE_STEPS = 2  # of Newton's method for all values, after which most have converged
+STEPS = 3  # of Newton's method for all values, after which most have converged
+BISECTIONS = 100  # of values that have not converged
 PIECES = 512  # of the table of a law from which its inversion starts
 
 
@@ -292,8 +292,7 @@ class Inverse:
 def flux_density_of(law: Law, h: Floats) -> Floats:
     """Return B >= 0 in T of a law at field strengths H >= 0 in A/m.
 
-    Newton's method within bounds, from a table of the law. A bisection replaces steps that leave the bounds or are more
-    than half as long as the step before.
+    Newton's method from a table of the law, and bisections of what has not converged after few steps.
     """
     if isinstance(law, Arctan):  # defined by its inverse
         return law._flux_density(h)
@@ -305,25 +304,14 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
     piece = np.clip(np.searchsorted(strength, target, side="right") - 1, 0, PIECES - 1)
     low, high, lowest = grid[piece], grid[piece + 1], strength[piece]
     found = low + (target - lowest) * ((high - low) / (strength[piece + 1] - lowest))
-    for _ in range(FREE_STEPS):
+    for _ in range(STEPS):
         found = np.clip(found - (law.field_strength(found) - target) / law.slope(found), low, high)
-    slope = law.slope(found)
-    far = np.abs(law.field_strength(found) - target) > 2.0 * EPSILON * (found * slope + target)
-    change, rows = high - low, np.flatnonzero(far)  # rows are not converged
-    for _ in range(MOST_STEPS):
-        if not rows.size:
-            break
-        b, slope = found[rows], law.slope(found[rows])
-        residual = law.field_strength(b) - target[rows]
-        lower, upper = np.where(residual < 0.0, b, low[rows]), np.where(residual < 0.0, high[rows], b)
-        step = residual / slope
-        bisected = ~((b - step >= lower) & (b - step <= upper) & (np.abs(step) <= 0.5 * np.abs(change[rows])))
-        going = np.abs(step) > 2.0 * EPSILON * (b + target[rows] / slope)
-        going &= upper - lower > 2.0 * EPSILON * upper
-        middle = 0.5 * (lower + upper)
-        new, step = np.where(bisected, middle, b - step), np.where(bisected, b - middle, step)
-        change[rows], low[rows], high[rows], rows = step, lower, upper, rows[going]
-        found[rows] = new[going]
+    far = np.abs(law.field_strength(found) - target) > 2.0 * EPSILON * (found * law.slope(found) + target)
+    rows, (low, high) = np.flatnonzero(far), np.stack([low, high])[:, far]
+    for _ in range(BISECTIONS if rows.size else 0):
+        found[rows] = middle = 0.5 * (low + high)
+        below = law.field_strength(middle) < target[rows]
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     return np.asarray(found).reshape(np.shape(h))
 
 
