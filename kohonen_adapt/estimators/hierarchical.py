@@ -59,13 +59,14 @@ class Surplus:
         jump = outflows(mesh, outflow)
         jump[:, mesh.f2t[1] < 0] *= 2.0  # no flux leaves the mesh, and one element has the whole facet
         on_sides = 0.5 * size * jump[rows_of_ends(mesh), mesh.t2f]
-        right = np.einsum("jsk,sji->ik", on_sides, _on_sides()) - _moments() @ (self.space.volumes * divergence)
+        _, moments, of_sides = _integrals()
+        right = np.einsum("jsk,sji->ik", on_sides, of_sides) - moments @ (self.space.volumes * divergence)
         return right * self.signs
 
     def solve(self, metric: Floats, right: Floats) -> FloatsPair:
         # The error in elements, (10, nelements), with signs as in single elements, and its squared norms, (nelements,),
         # for the products of the gradients of the last three barycentric coordinates with C, (3, 3, nelements).
-        products = np.einsum("ijab,abk->ijk", _products(), self.space.volumes * metric, optimize=True)
+        products = np.einsum("ijab,abk->ijk", _integrals()[0], self.space.volumes * metric, optimize=True)
         products *= self.signs[:, None] * self.signs
         index, values = np.full(self.count, -1), np.zeros(self.count)
         index[self.free] = np.arange(self.free.size)
@@ -83,22 +84,13 @@ def cubic_functions(at: Floats) -> FloatsPair:
 
 
 @cache
-def _products() -> Floats:
+def _integrals() -> tuple[Floats, Floats, Floats]:
+    # Means over elements of products of slopes, (10, 10, 3, 3), and of functions and barycentric coordinates, (10, 4),
+    # and over each side of functions and its barycentric coordinates, (4, 3, 10).
     barycentric, weights = tetrahedron_rule(DEGREE)
-    _, slopes = cubic_functions(barycentric)
-    return np.asarray(np.einsum("iaq,jbq,q->ijab", slopes, slopes, weights))
-
-
-@cache
-def _moments() -> Floats:
-    # means of products with the barycentric coordinates, (10, 4)
-    barycentric, weights = tetrahedron_rule(DEGREE)
-    return np.asarray(cubic_functions(barycentric)[0] * weights @ barycentric)
-
-
-@cache
-def _on_sides() -> Floats:
-    # means over each side of products with its barycentric coordinates, (4, 3, 10)
-    barycentric, weights = triangle_rule(DEGREE)
-    on_sides = (cubic_functions(barycentric @ np.eye(4)[list(corners)])[0] for corners in TETRAHEDRON.facets)
-    return np.stack([barycentric.T @ (values * weights).T for values in on_sides])
+    values, slopes = cubic_functions(barycentric)
+    products = np.asarray(np.einsum("iaq,jbq,q->ijab", slopes, slopes, weights))
+    moments = np.asarray(values * weights @ barycentric)
+    on_side, weights = triangle_rule(DEGREE)
+    of_sides = (cubic_functions(on_side @ np.eye(4)[list(corners)])[0] for corners in TETRAHEDRON.facets)
+    return products, moments, np.stack([on_side.T @ (values * weights).T for values in of_sides])

@@ -1,5 +1,7 @@
 """Residual estimator of orders 1 to 3, by jumps of fluxes across facets."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
@@ -215,7 +217,7 @@ def residual(
     """
     if isinstance(order, bool) or order not in ORDERS:
         raise ValueError(f"order must be 1, 2 or 3; got {order!r}.")
-    facets = None if joined is None else (np.asarray(joined[0]), np.asarray(joined[1]), np.asarray(joined[2]))
+    facets: Any = joined and tuple(map(np.asarray, joined))
     if order > 1:
         check_mesh(mesh)
         if cell_of(mesh) is not TRIANGLE:

@@ -60,7 +60,10 @@ def singular_nodes(mesh: MeshTri, materials: Materials) -> Ints:
     lines = interfaces_of(shape.corners, materials)
     around = elements_around(shape, candidates(shape, lines))
     found = [node for node, (element, k) in around.items() if is_singular(shape, materials, element, k)]
-    return np.union1d(found, points_inside(shape, materials)).astype(np.int64)
+    fixed = np.flatnonzero(materials.fixed)
+    inside = np.setdiff1d(fixed, shape.corners.facets[:, shape.corners.f2t[1] < 0])
+    points = inside if inside.size < fixed.size else inside[:0]
+    return np.union1d(found, points).astype(np.int64)
 
 
 def interfaces_of(mesh: Mesh, materials: Materials) -> Interfaces:
@@ -164,9 +167,3 @@ def exponents_at(shape: Blended, materials: Materials, element: Ints, k: Ints) -
 
 def jumps(materials: Materials, element: Ints) -> bool:
     return materials.flux is None or bool(np.ptp(materials.flux[:, element], axis=1).any())
-
-
-def points_inside(shape: Blended, materials: Materials) -> Ints:
-    fixed = np.flatnonzero(materials.fixed)
-    inside = np.setdiff1d(fixed, shape.corners.facets[:, shape.corners.f2t[1] < 0])
-    return inside if inside.size < fixed.size else inside[:0]

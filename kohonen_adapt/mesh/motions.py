@@ -148,7 +148,7 @@ def inverse(matrix: Floats) -> Floats:
 
 
 def is_proper(matrix: Floats) -> bool:
-    return bool(matrix[0, 0] * matrix[1, 1] > matrix[0, 1] * matrix[1, 0])
+    return bool(np.linalg.det(matrix[:, :2]) > 0.0)
 
 
 def motion_of(matrix: Floats, size: float) -> Motion | None:

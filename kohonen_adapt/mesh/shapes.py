@@ -29,7 +29,6 @@ __all__ = [
     "tensors_at_points",
     "tensors_of_elements",
     "unpacked",
-    "with_determinant_one",
 ]
 
 LARGEST_RATIO = 1e6  # length of the longest edge of a tensor divided by the length of the shortest
@@ -131,11 +130,6 @@ def determinants(tensors: Floats) -> Floats:
     return a * (c * (f - e * e / c))
 
 
-def with_determinant_one(shapes: Floats) -> Floats:
-    tensors = unpacked(shapes)
-    return packed(tensors / determinants(tensors)[:, None, None] ** (1.0 / tensors.shape[-1]))
-
-
 def shapes_at_nodes(node: Ints, shapes: Floats, weights: Floats, count: int) -> Floats:
     # (count, 3) or (count, 6), means of logarithms weighted by `weights` (m,): directions at right angles give a round
     # shape (Arsigny, Fillard, Pennec and Ayache, SIAM J. Matrix Anal. Appl. 29, 2007).
@@ -152,7 +146,7 @@ def logarithms(shapes: Floats) -> Floats:
 
 def mean_shapes(logs: Floats) -> Floats:
     # shapes of mean logarithms
-    return with_determinant_one(mapped(logs, np.exp))
+    return density_and_shape(unpacked(mapped(logs, np.exp)))[1]
 
 
 def mean_tensors(tensors: Floats) -> Floats:

@@ -55,7 +55,7 @@ class EdgeSolver(Solver):
         while len(falls) < self.most_iterations:
             if falls and falls[-1] <= self.rtol**2 * total and _rest_after(falls) <= self.rtol**2 * total:
                 break
-            corrected = swept.precondition(residual)
+            corrected = swept.diagonal * residual
             last, size = size, float(residual @ corrected)
             first = first or size
             if size <= ROUNDING * first:
@@ -86,19 +86,16 @@ class _Swept:
         count, column = np.diff(matrix.indptr), matrix.indices
         row = np.repeat(np.arange(count.size, dtype=np.int32), count)
         diagonal = matrix.diagonal()
-        self._diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
-        self._between = (1.0 - 2.0 / RELAXATION) * self._diagonal
+        self.diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+        self._between = (1.0 - 2.0 / RELAXATION) * self.diagonal
         values = matrix.data.copy()
-        values[row == column] = self._diagonal / RELAXATION
+        values[row == column] = self.diagonal / RELAXATION
 
         def triangle(kept: Mask) -> csr_matrix:
             start = np.append(0, np.cumsum(kept, dtype=np.int32))[matrix.indptr]
             return csr_matrix((values[kept], column[kept], start), matrix.shape)
 
         self.forward, self.backward = _substitutions(triangle(column <= row), triangle(column >= row))
-
-    def precondition(self, x: Floats) -> Floats:
-        return self._diagonal * x
 
     def product(self, x: Floats) -> Floats:
         after = self.backward(x)
