@@ -10,33 +10,20 @@ from kohonen_adapt.mesh.cells import CELLS
 from kohonen_adapt.mesh.curved import tangent_corners
 from kohonen_adapt.mesh.elements.functions import kinds_at_axis, near_axis
 from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, Reference
-from kohonen_adapt.mesh.elements.rules import (
-    CURVED_RULE_IN_SPACE,
-    LAW_DEGREE,
-    LAW_RULE_IN_SPACE,
-    Rule,
-    points_near_axis,
-    triangle_rule,
-)
+from kohonen_adapt.mesh.elements.rules import LAW_DEGREE, rule_of, triangle_rule
 
 __all__ = ["ElementFunctions"]
 
 
-def _rule_of(form: Form) -> Rule:
-    # Without a law the rules of straight elements are exact for products of gradients and for the functions.
-    if form.dim == 3 and form.order > 1:
-        return LAW_RULE_IN_SPACE if form.law else CURVED_RULE_IN_SPACE
-    if form.axis or form.curved:
-        points, weights = points_near_axis(form.order, form.law)
-        return points[form.kind], weights[form.kind]
-    if form.order == 1:
-        return np.full((1, form.dim + 1), 1.0 / (form.dim + 1)), np.ones(1)
-    return triangle_rule(LAW_DEGREE[form.order] if form.law else 2 * (form.order - 1))
-
-
 @cache
 def _reference(form: Form) -> Reference:
-    rule = _rule_of(form)
+    # Without a law the rules of straight elements are exact for products of gradients and for the functions. Elements
+    # with curved sides have the points of elements at an axis.
+    in_plane = form.dim == 2
+    if in_plane and form.order > 1 and not form.axis and not form.curved:
+        rule = triangle_rule(LAW_DEGREE[form.order] if form.law else 2 * (form.order - 1))
+    else:
+        rule = rule_of(*form._replace(axis=in_plane and (form.axis or form.curved), curved=not in_plane))
     return Reference(form, rule, near_axis(rule[0], form.order, form.kind))
 
 
