@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Array, Floats, Ints
+from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.estimators.endless_layers import with_strong_corners
 from kohonen_adapt.mesh.cells import TETRAHEDRON, cell_of
 from kohonen_adapt.mesh.host import numbered, summed
 from kohonen_adapt.mesh.measures import area
-from kohonen_adapt.mesh.names import connected_components_of
+from kohonen_adapt.mesh.names import equal_and_connected
 
 __all__ = ["corner_averages", "recovered_correction", "recovery", "regions_of"]
 
@@ -103,15 +103,9 @@ def regions_of(discrete: DiscreteFlux, region: ArrayLike | None) -> Ints:
         )
     # A coefficient of every element, as of a nonlinear law, would give averages that are the fluxes themselves.
     mesh = discrete.space.mesh
-    number = _equal_and_connected(mesh, np.atleast_2d(data))
+    number = equal_and_connected(mesh, np.atleast_2d(data))
     size = np.bincount(number)
     alone = size[number] == 1
     if 2 * np.count_nonzero(alone) <= size.size:
         return number
-    return _equal_and_connected(mesh, np.where(alone, -1, number)[None])
-
-
-def _equal_and_connected(mesh: Mesh, data: Array) -> Ints:
-    pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
-    same = np.all(data[:, pairs[0]] == data[:, pairs[1]], axis=0)
-    return connected_components_of(mesh.nelements, pairs[:, same].T)
+    return equal_and_connected(mesh, np.where(alone, -1, number)[None])

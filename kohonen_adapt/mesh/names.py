@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from skfem import Mesh, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
-from kohonen_adapt.arrays import Floats, Int8s, Ints, Mask
+from kohonen_adapt.arrays import Array, Floats, Int8s, Ints, Mask
 from kohonen_adapt.checks import listed, nearest_name
 from kohonen_adapt.mesh.host import facets_opposite, is_own_name, number_facets, numbered
 
@@ -24,6 +24,7 @@ __all__ = [
     "combinations",
     "connected_components_of",
     "elements_in",
+    "equal_and_connected",
     "in_order",
     "joined_names",
     "labelled",
@@ -150,13 +151,17 @@ def regions_of(mesh: Mesh, pairs: Ints | None = None) -> Ints:
     A region is a connected set of elements with the same subdomain names. `pairs` (2, k) are the elements that share a
     facet, by default those of scikit-fem, which are wrong if a mesh is tangled.
     """
-    m = mesh.nelements
+    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.nelements)
+    return equal_and_connected(mesh, codes[None], pairs).astype(np.int32)
+
+
+def equal_and_connected(mesh: Mesh, data: Array, pairs: Ints | None = None) -> Ints:
+    """Return the index of connected elements with equal columns of `data`, (m,)."""
     if pairs is None:
         number_facets(mesh)
         pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
-    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], m)
-    same = codes[pairs[0]] == codes[pairs[1]]
-    return connected_components_of(m, pairs[:, same].T).astype(np.int32)
+    same = np.all(data[:, pairs[0]] == data[:, pairs[1]], axis=0)
+    return connected_components_of(mesh.nelements, pairs[:, same].T)
 
 
 def connected_components_of(count: int, pairs: Ints) -> Ints:
