@@ -10,7 +10,7 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints, IntsPair, Mask
 from kohonen_adapt.checks import is_number, point_text
-from kohonen_adapt.mesh.cells import cell_of, centroids_of, width_of
+from kohonen_adapt.mesh.cells import cell_of, centroids_of, determinants, width_of
 from kohonen_adapt.mesh.curved import corners_of, midside_offsets, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite, number_facets, remade, set_boundaries
 from kohonen_adapt.mesh.locate import find_elements
@@ -148,7 +148,7 @@ def boundary_facets(mesh: MeshTri) -> Ints:
     # counter-clockwise, (2, nfacets)
     number_facets(mesh)
     facet = np.flatnonzero(mesh.f2t[1] < 0)
-    return directed(mesh, facet, np.zeros_like(facet)).T
+    return directed(mesh, facet).T
 
 
 def nearest(mesh: MeshTri, x: Floats) -> tuple[Floats, Ints]:
@@ -218,7 +218,7 @@ def along_boundary(mesh: MeshTri, nodes: Ints, other: MeshTri) -> Mask:
     facet, row = np.repeat(np.arange(len(lists)), list(map(len, lists))), np.concatenate(lists).astype(int)
     along, tangent = along[:, facet] / length[facet], tangent[:, nodes[row]]
     relative = mesh.p[:, nodes[row]] - middle[:, facet]
-    near = np.abs(along[0] * relative[1] - along[1] * relative[0]) < BESIDE * length[facet]
+    near = np.abs(determinants((along, relative))) < BESIDE * length[facet]
     found[row[near & (np.sum(along * tangent, axis=0) < OPPOSITE * np.hypot(*tangent))]] = True
     return found
 

@@ -78,7 +78,7 @@ def is_in_front(corners: Floats, point: Floats) -> Mask:
     return (-1) ** cell.dim * cell.determinant(np.concatenate([corners, point[:, None]], axis=1)) > 0.0
 
 
-def directed(mesh: Mesh, facets: Ints, which: Ints) -> Ints:
+def directed(mesh: Mesh, facets: Ints, which: Ints | int = 0) -> Ints:
     corners, element = mesh.facets[:, facets], mesh.f2t[which, facets]
     element = np.where(element < 0, mesh.f2t[0, facets], element)
     right = is_in_front(mesh.p[:, corners], centroids_of(mesh, element))

@@ -6,8 +6,8 @@ from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.symmetry import surface
-from kohonen_adapt.mesh.cells import centroids_of, facet_normals
-from kohonen_adapt.mesh.measures import unit_vectors
+from kohonen_adapt.mesh.cells import normals
+from kohonen_adapt.mesh.measures import directed, unit_vectors
 
 __all__ = ["oriented_surface"]
 
@@ -25,13 +25,10 @@ def oriented_surface(mesh: MeshTet, name: str) -> tuple[Ints, Floats, Floats]:
     facets = np.asarray(rows)
     if not facets.size:
         raise ValueError(f"the surface {name!r} has no facets; name one that has.")
-    first, second = mesh.f2t[:, facets]
-    normal = 0.5 * facet_normals(mesh, facets)
-    outward = mesh.p[:, mesh.facets[0, facets]] - centroids_of(mesh, first)
-    normal *= np.sign(np.sum(normal * outward, axis=0))
+    normal = 0.5 * normals(mesh.p.T, directed(mesh, facets)).T
     if isinstance(rows, OrientedBoundary):
         return facets, normal, np.where(rows.ori == 0, 1.0, -1.0)
-    if np.all(second < 0):
+    if np.all(mesh.f2t[1, facets] < 0):
         return facets, normal, np.ones(facets.size)
     unit = unit_vectors(normal)
     mean_normal = np.linalg.eigh(normal @ unit.T)[1][:, -1]
