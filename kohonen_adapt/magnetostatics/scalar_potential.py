@@ -245,10 +245,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if field.order <= HIGHEST_WITH_SURPLUS:
             return goal_indicators_in_space(self, field, goal)
 
-        def dual(each: SolidField) -> Floats:
-            return dual_in_space(self, each, goal)[0]
-
-        return goal_indicators_by_orders(field, self._better_solution(field), dual, partial(self._energy_of, field))
+        higher, energies = self._better_solution(field), partial(self._energy_of, field)
+        return goal_indicators_by_orders(field, higher, lambda each: dual_in_space(self, each, goal)[0], energies)
 
     def _energy_of(self, field: SolidField, order: int) -> Energy:
         if order == field.order:  # without the field of coils and the checks of the mesh again

@@ -91,15 +91,11 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
     def solve(self, mesh: MeshTet) -> EdgeField:
         energy, start = self.functional_on(mesh)
-        nonlinear = not energy.is_quadratic
-        solver = replace(
-            self.solver,
-            rtol=RTOL_OF_STEPS if nonlinear else self.solver.rtol,
-            floor=SMALL * float(np.linalg.norm(energy.load)) if nonlinear else 0.0,
-        )
-        method = Newton(solver=solver)
-        unknown = method.linear(energy)
-        return solved(start, *method.descend(energy, unknown)) if nonlinear else solved(start, unknown)
+        if energy.is_quadratic:
+            return solved(start, Newton(solver=self.solver).linear(energy))
+        floor = SMALL * float(np.linalg.norm(energy.load))
+        method = Newton(solver=replace(self.solver, rtol=RTOL_OF_STEPS, floor=floor))
+        return solved(start, *method.descend(energy, method.linear(energy)))
 
     def check(self, mesh: MeshTet) -> None:
         self.functional_on(mesh)
