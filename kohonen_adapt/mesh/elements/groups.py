@@ -14,8 +14,6 @@ from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = ["Form", "Group", "Groups", "all_points", "check_orientation", "reference", "times"]
 
-CHUNK = 1 << 14  # elements whose products are computed at once
-
 
 class Form(NamedTuple):
     """Properties of the elements of a group."""
@@ -134,32 +132,24 @@ class Group:
 
         Arguments are those of `Space.stiffness`.
         """
-        count, products = self.volumes.shape[1], self.at.products
-        if count <= CHUNK:
-            return products @ self._metric(across, along, slice(None))
-        found = np.empty((len(products), count))
-        for first in range(0, count, CHUNK):
-            part = slice(first, first + CHUNK)
-            found[:, part] = products @ self._metric(across, along, part)
-        return found
+        return self.at.products @ self._metric(across, along)
 
     def matrices(self, across: Floats, along: FloatsPair | None) -> Floats:
         """Return the element matrices, (m, k, k)."""
-        metric, pair = self._metric(across, along, slice(None)), self.at.pair
+        metric, pair = self._metric(across, along), self.at.pair
         if self.at.form.varies:
             return (metric.T @ self.at.products.T)[:, pair]
         return (metric.T @ self.at.products.T[:, pair.ravel()]).reshape(-1, *pair.shape)
 
-    def _metric(self, across: Floats, along: FloatsPair | None, part: slice) -> Floats:
+    def _metric(self, across: Floats, along: FloatsPair | None) -> Floats:
         # coefficient times products of the gradients of barycentric coordinates, (pairs of coordinates q or 1, m)
         a, b = np.triu_indices(len(self.hats))
-        hats, volume = self.hats[..., part], self.volumes[:, part]
         points = slice(None) if self.at.form.varies else slice(1)  # of a coefficient that is constant in elements
-        weight = self.restrict(across)[points, part] * volume
-        metric = np.sum(hats[:, a] * hats[:, b], axis=0) * weight
+        weight = self.restrict(across)[points] * self.volumes
+        metric = np.sum(self.hats[:, a] * self.hats[:, b], axis=0) * weight
         if along is not None and (self.at.form.law or self.at.weight.size == 1):
-            more = self.restrict(along[0])[points, part] * volume - weight
-            slope = times(hats.swapaxes(0, 1), self.restrict(along[1])[:, points, part])
+            more = self.restrict(along[0])[points] * self.volumes - weight
+            slope = times(self.hats.swapaxes(0, 1), self.restrict(along[1])[:, points])
             metric += more * slope[a] * slope[b]
         return metric.reshape(-1, metric.shape[-1])
 
