@@ -1,7 +1,7 @@
 """Settings of a case, completed from its mesh file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from shutil import rmtree
@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -51,8 +51,6 @@ class Case:
         Metres per unit of the mesh file.
     base_problem
         The problem without the mesh file; `problem` is completed from the file.
-    given
-        Arguments of the problem by name.
     adapt
         Arguments of `kohonen_adapt.adapt` by name.
     outputs
@@ -70,7 +68,6 @@ class Case:
     mesh: Path | Drawing
     scale: float
     base_problem: Magnetostatics | MagneticScalarPotential
-    given: dict[str, Any]
     adapt: dict[str, Any]
     outputs: dict[str, Quantity]
     turn: Turn = field(default_factory=dict)
@@ -127,7 +124,7 @@ class Case:
         """
         problem = self.base_problem
         if isinstance(problem, Magnetostatics) and self.mesh_file.is_file() and type(self.drawn) is TETRAHEDRON.mesh:
-            problem = _in_space(self.given)
+            problem = _in_space(problem)
         if isinstance(problem, MagneticScalarPotential):  # bounds need straight facets
             return replace(problem, curved=False) if self.bracket else problem
         return self._turned(self._with_points(problem))
@@ -165,8 +162,7 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh)
-        if self.turn and type(mesh) is TETRAHEDRON.mesh:
-            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
+        _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
         return _with_rim(mesh, self.rim) if self.rim else mesh
 
@@ -271,11 +267,22 @@ class Case:
         return given | ({"curves": curves} if curves else {})
 
 
-def _in_space(given: Mapping[str, Any]) -> MagneticScalarPotential:
-    plane_only = [key for key in given if key not in SHARED]
+def _check_turn(mesh: Mesh, turn: Turn) -> None:
+    if turn and type(mesh) is TETRAHEDRON.mesh:
+        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
+
+
+def _in_space(problem: Magnetostatics) -> MagneticScalarPotential:
+    default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
+    pairs = {each.name: (getattr(problem, each.name), getattr(default, each.name)) for each in fields(problem)}
+    plane_only = [
+        name
+        for name, (value, expected) in pairs.items()
+        if name not in SHARED and not (value == expected and type(value) is type(expected))
+    ]
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
-    return MagneticScalarPotential(**given)
+    return MagneticScalarPotential(**{name: getattr(problem, name) for name in SHARED})
 
 
 def _with_rim(mesh: MeshTri, name: str) -> MeshTri:

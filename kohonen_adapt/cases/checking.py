@@ -57,8 +57,10 @@ def fitting_mesh(case: Case) -> MeshTri:
         check_names_written(drawn)  # the results have the names of the mesh
         _ = case.groups  # read now, because the results need the groups after a long run
     in_plane = cell_of(drawn) is TRIANGLE
-    if in_plane and isinstance(case.base_problem, MagneticScalarPotential):
-        raise error_in_plane(keys_of_space(case.given), "the mesh is one of triangles")
+    problem = case.base_problem
+    if in_plane and isinstance(problem, MagneticScalarPotential):
+        given = {key: value for key, value in vars(problem).items() if value}
+        raise error_in_plane(keys_of_space(given), "the mesh is one of triangles")
     if case.bracket and in_plane:
         raise ValueError("bracket: for meshes of tetrahedra only, but the mesh is one of triangles. Remove the key.")
     mesh = turned_mesh(drawn, case.turn, case.pairs)

@@ -143,8 +143,7 @@ def case_of(given: Options, folder: Path) -> Case:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
         raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
-    arguments = {key: value for key, value in values.items() if key == "materials" or key in {**SPACE, **PROBLEM}}
-    problem = _problem(arguments)
+    problem = _problem({key: value for key, value in values.items() if key == "materials" or key in SPACE | PROBLEM})
     options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
     _check_outputs(options.get("output_rtol"), outputs, problem)
     mesh = values["mesh"]
@@ -156,7 +155,6 @@ def case_of(given: Options, folder: Path) -> Case:
         mesh,
         values.get("scale", 1.0),
         problem,
-        arguments,
         options,
         outputs,
         turns,
