@@ -176,7 +176,8 @@ def rule_for(arcs, a, radius, z, start, end):
     if 1e-9 * squared >= 2.0 * r * radius:
         return 0
     excess = squared / (2.0 * r * radius)
-    y, size = math.log1p(excess + math.sqrt(excess * (2.0 + excess))), 0.5 * abs(end - start)
+    y = math.log1p(excess + math.sqrt(excess * (2.0 + excess)))
+    size = 0.5 * abs(end - start)
     x = 0.5 * (start + end)
     x -= 2.0 * math.pi * math.floor(0.5 * x / math.pi + 0.5)
     axis = 0.5 * (math.hypot(x - size, y) + math.hypot(x + size, y))

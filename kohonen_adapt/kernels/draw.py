@@ -11,13 +11,18 @@ def draw_points(position, node, order, cumulated, random, points, element):
     position in the interval and in the element. The unit square or cube is folded into the element for a uniform
     distribution (Rocchini and Cignoni, J. Graph. Tools 5, 2000).
     """
-    number, corners, at = points.shape[0], node.shape[1], 0
+    number = points.shape[0]
+    corners = node.shape[1]
+    at = 0
     mass = cumulated[-1] / number
     for t in range(number):
         level = (t + random[t, 0]) * mass
         while at < order.shape[0] - 1 and cumulated[at] < level:
             at += 1
-        e, u, v, w = order[at], random[t, 1], random[t, 2], random[t, 3] if corners == 4 else 0.0
+        e = order[at]
+        u = random[t, 1]
+        v = random[t, 2]
+        w = random[t, 3] if corners == 4 else 0.0
         if u + v > 1.0:
             u, v = 1.0 - u, 1.0 - v
         if v + w > 1.0:

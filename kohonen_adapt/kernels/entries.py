@@ -4,7 +4,7 @@ from numba import typeof
 from numba.types import Type, UniTuple, boolean, float64, int8, int64
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import draw, functionals, ordering, search
+from kohonen_adapt.kernels import draw, ordering, search
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -13,8 +13,10 @@ from kohonen_adapt.kernels.numba.entry import (
     I1,
     I2,
     L1,
+    LAWS,
     LESSON,
     METRIC,
+    MODES,
     POOL,
     R1,
     R2,
@@ -52,9 +54,7 @@ KERNEL_MESH = record_type(shared.KernelMesh, (R2, ELEMENTS, STAR, CONSTRAINTS))
 ORIGINS = record_type(arrays.Origins, (R1, I1, I1, B1, B1, B1, R1))
 SURGERY_SCRATCH = record_type(arrays.SurgeryScratch, (I1, I1, L1, L1, I1, B1))
 OPEN_MESH = record_type(arrays.OpenMesh, (R2, ELEMENTS, CONSTRAINTS, POOL, ORIGINS, SURGERY_SCRATCH, METRIC))
-LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, R2, B1, LAWS))
-MODES = record_type(shared.Modes, (R3, R1, B2))
 REFERENCE = record_type(arrays.Reference, (R1, R2, R3, R3))
 POINTS = record_type(arrays.Points, (I2, R2, R3, R3, R4, R4))
 SHAPES = record_type(arrays.Shapes, (R3, B1, boolean))

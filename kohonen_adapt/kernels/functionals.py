@@ -38,7 +38,8 @@ def energy_density(laws, law, s):
     octave = np.int64(exponent) - laws.first
     if octave < 0 or not s > 0.0:
         begin = math.ldexp(0.5, laws.first)
-        rate, chord = table[law, 0, RATE], table[law, 0, DENSITY] / begin
+        rate = table[law, 0, RATE]
+        chord = table[law, 0, DENSITY] / begin
         curve = (rate - chord) / begin
         return (2.0 * chord - rate + curve * s) * s, 2.0 * chord - rate + 2.0 * curve * s, 2.0 * curve
     if octave >= last // STEPS or s == math.inf:  # gradients of a flat triangle are unbounded

@@ -52,7 +52,8 @@ def hilbert_keys(points, origin, size, keys):
     cells = 1 << BITS
     for t in range(points.shape[0]):
         x, y = cell_along(points, t, origin, size, 0), cell_along(points, t, origin, size, 1)
-        key, half = 0, cells >> 1
+        key = 0
+        half = cells >> 1
         while half > 0:
             right, upper = 1 if x & half else 0, 1 if y & half else 0
             key = 4 * key + ((3 * right) ^ upper)

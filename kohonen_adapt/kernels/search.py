@@ -151,7 +151,8 @@ def depth_in_element(position, node, e, x):
 
 @inner_kernel
 def walk(position, elements, e, x):
-    node, region = elements.node, elements.region[e]
+    node = elements.node
+    region = elements.region[e]
     for _ in range(WALK):
         onward, most = -1, 0.0
         least, total = np.inf, 0.0
@@ -223,21 +224,26 @@ def find_in_cell(position, elements, grid, c, x):
     e, inside = walk(position, elements, content[start[c]], x)
     if inside:
         return e
-    best, deepest = -1, -TOLERANCE
+    best = -1
+    deepest = -TOLERANCE
     for k in range(start[c], start[c + 1]):
         depth = depth_in_element(position, elements.node, content[k], x)
         if depth >= deepest:
-            best, deepest = content[k], depth
+            best = content[k]
+            deepest = depth
     return best
 
 
 @inner_kernel
 def flood(position, elements, e, x, scratch):
     """Return an element around x in the region of e, or the element nearest to x."""
-    stamp, queue, region = next_stamp(scratch), scratch.queue, elements.region[e]
+    stamp = next_stamp(scratch)
+    queue = scratch.queue
+    region = elements.region[e]
     queue[0], scratch.element_stamp[e] = e, stamp
     first, last = 0, 1
-    best, deepest = e, -np.inf
+    best = e
+    deepest = -np.inf
     while first < last and deepest < -TOLERANCE:
         e = queue[first]
         first += 1
@@ -289,7 +295,8 @@ def nearest_visible(position, elements, e, x, factor, scratch):
             across = elements.neighbour[e, k]
             if across < 0 or elements.region[across] != region:
                 continue
-            waiting, known = count, scratch.element_stamp[across] == stamp
+            waiting = count
+            known = scratch.element_stamp[across] == stamp
             if known:
                 waiting = 0
                 while waiting < count and frontier[waiting] != across:
@@ -328,7 +335,8 @@ def squared_distance_to_side(position, node, factor, e, k, x):
 @inner_kernel
 def squared_distance_to_edge(a, b):
     along = minus(b, a)
-    ahead, length = -dot(a, along), dot(along, along)
+    ahead = -dot(a, along)
+    length = dot(along, along)
     fraction = min(1.0, max(0.0, ahead / length)) if length > 0.0 else 0.0
     foot = plus_times(a, fraction, along)
     return dot(foot, foot)

@@ -86,7 +86,8 @@ class _Compiling(OutermostCompilation):
     def _plan(self, loop: Any, types: Any) -> None:
         # A second process compiles all `expected` groups, unless code cannot be stored. The first group of `loop` is
         # expected if no other is.
-        key, once = (name_of(loop.py_func), types), is_cacheable(loop)
+        key = (name_of(loop.py_func), types)
+        once = is_cacheable(loop)
         holding = [chapter for chapter in ENTRIES if any(key == entry.key for entry in ENTRIES[chapter])]
         if not expected.intersection(holding):
             expected.update(holding[:1])
@@ -102,7 +103,8 @@ class _Compiling(OutermostCompilation):
         self._announcement = f"compiling loops of kohonen_adapt{', once' * once} ({self._count}, about %.0f s)"
 
     def _start_second_process(self, missing: list[Entry]) -> bool:
-        numbers, package = [EACH.index(entry) for entry in reversed(missing)], str(Path(__file__).parents[2])
+        numbers = [EACH.index(entry) for entry in reversed(missing)]
+        package = str(Path(__file__).parents[2])
         code = RUN.format(path=sys.path, package=package, numbers=numbers)
         flags = getattr(subprocess, "CREATE_NO_WINDOW", 0)
         pipe, devnull = subprocess.PIPE, subprocess.DEVNULL
@@ -129,7 +131,8 @@ class _Compiling(OutermostCompilation):
 
     def _finish(self, key: Key) -> None:
         if self._work.pop(key, None) is not None:
-            done, left = self._count - len(self._work), sum(self._work.values())
+            done = self._count - len(self._work)
+            left = sum(self._work.values())
             seconds = (time.perf_counter() - self._begun) / (self._total - left) * left
             progress.info("compiled %d of %d loops, about %.0f s left", done, self._count, seconds)
 

@@ -53,7 +53,8 @@ def is_cacheable(loop: Any) -> bool:
 def _contents_of_all_kernels() -> str:
     # numba checks only the file of a function, although code of other files is linked
     compiler = f"{'plain' if PLAIN else 'fast'} {numba.__version__}"
-    folder, found = Path(__file__).parents[1], blake2b(compiler.encode(), digest_size=16)
+    folder = Path(__file__).parents[1]
+    found = blake2b(compiler.encode(), digest_size=16)
     for path in sorted(folder.rglob("*.py")):
         found.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return found.hexdigest()

@@ -4,7 +4,7 @@ from typing import Any
 
 from numba.types import boolean, float64, int32, int64
 
-from kohonen_adapt.kernels import arrays, grid, heap
+from kohonen_adapt.kernels import arrays, functionals, grid, heap
 from kohonen_adapt.kernels.numba.compilation import record_type
 
 __all__ = [
@@ -14,8 +14,10 @@ __all__ = [
     "I1",
     "I2",
     "L1",
+    "LAWS",
     "LESSON",
     "METRIC",
+    "MODES",
     "POOL",
     "R1",
     "R2",
@@ -36,6 +38,8 @@ POOL = record_type(arrays.Pool, (I1, I1, I1, L1))
 HEAP = record_type(heap.Heap, (R1, I2, L1))
 SEARCH_SCRATCH = record_type(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 GRID = record_type(grid.Grid, (R1, R1, L1, L1, I1))
+LAWS = record_type(functionals.Laws, (I1, int64, R3))
+MODES = record_type(arrays.Modes, (R3, R1, boolean[:, ::1]))
 LESSON = record_type(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
 
 

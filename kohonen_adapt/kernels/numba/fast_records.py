@@ -76,7 +76,8 @@ def field_of(context: Any, builder: Any, kind: RecordType, address: Any, name: s
     Loads are marked as invariant because no loop changes a record, so that LLVM moves them out of loops.
     """
     index = kind.index(name)
-    field, field_address = kind.fields[index], cgutils.gep_inbounds(builder, address, 0, index)
+    field = kind.fields[index]
+    field_address = cgutils.gep_inbounds(builder, address, 0, index)
     if not isinstance(field, types.Array):
         return _constant_load(builder, field_address)
     array = ir.Constant(field_address.type.pointee, None)
@@ -86,7 +87,8 @@ def field_of(context: Any, builder: Any, kind: RecordType, address: Any, name: s
         array = builder.insert_value(
             array, _constant_load(builder, cgutils.gep_inbounds(builder, field_address, 0, k)), k
         )
-    k, size = members.index("itemsize"), numpy_support.as_dtype(field.dtype).itemsize
+    k = members.index("itemsize")
+    size = numpy_support.as_dtype(field.dtype).itemsize
     array = builder.insert_value(array, context.get_constant(types.intp, size), k)
     for member in ("shape", "strides"):
         k = members.index(member)

@@ -234,7 +234,8 @@ class SolidBlock(NamedTuple):
 
     @classmethod
     def of(cls, point: Array, weight: Array, curves: tuple[Array, ...], rule: tuple[Array, Array]) -> "SolidBlock":
-        rows, edges = 2 * MOST, UNKNOWNS
+        rows = 2 * MOST
+        edges = UNKNOWNS
         small = [np.empty(shape) for shape in ((4, 3), (4, 3), (4, 4), (edges, edges), edges, (edges, 3), edges)]
         moments = [np.empty(shape) for shape in ((4, 3), (4, 4, 6), (4, 3, 3), (4, 3))]
         return cls._make(

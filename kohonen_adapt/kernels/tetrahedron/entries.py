@@ -3,7 +3,7 @@
 from numba.types import Type, boolean, float64, int8, int32, int64, none
 
 from kohonen_adapt.kernels import arrays as shared
-from kohonen_adapt.kernels import coils, draw, functionals, ordering
+from kohonen_adapt.kernels import coils, draw, ordering
 from kohonen_adapt.kernels.numba.compilation import record_type
 from kohonen_adapt.kernels.numba.entry import (
     B1,
@@ -11,8 +11,10 @@ from kohonen_adapt.kernels.numba.entry import (
     I1,
     I2,
     L1,
+    LAWS,
     LESSON,
     METRIC,
+    MODES,
     POOL,
     R1,
     R2,
@@ -46,14 +48,12 @@ I3 = int32[:, :, ::1]
 CAVITY = record_type(arrays.Cavity, (L1, L1, L1, I1, I1, I1, I2, I1, I2, I1, I2, I1, I2, I2, R3, I3, I2, I1))
 OPEN_TETRAHEDRA = record_type(arrays.OpenTetrahedra, (R2, TETRAHEDRA, SURFACES, FREEDOM, POOL, ORIGINS, CAVITY, METRIC))
 QUEUE = record_type(arrays.Queue, (int8[::1], I1, L1))
-LAWS = record_type(functionals.Laws, (I1, int64, R3))
 TRIAL = record_type(arrays.Trial, (R1, B1, R2, LAWS, R2, B1, B1, R2, R2))
 SOLID_BLOCK = record_type(
     arrays.SolidBlock,
     (L1, R2, I2, boolean[:, ::1], I2, R1, I1, B1, R2, R2, R2, R2, R1, R2, R1, R2, R1, R2, R3, R3, R2)
     + (I1, I1, R2, R2, R1, R2, R2, R2),  # of curved edges
 )
-MODES = record_type(shared.Modes, (R3, R1, boolean[:, ::1]))
 QUADRATIC = record_type(arrays.Quadratic, (TRIAL, MODES, B1, SOLID_BLOCK))
 OFFERS = record_type(arrays.Offers, (R2, R1, B1, B1, B1, B1))
 KERNEL_MESH = record_type(shared.KernelMesh, (R2, TETRAHEDRA, STAR, CONSTRAINTS))

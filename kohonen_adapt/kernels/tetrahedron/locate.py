@@ -73,7 +73,8 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     same result.
     """
     for t in range(points.shape[0]):
-        x, v = point(points, t), start_nodes[t]
+        x = point(points, t)
+        v = start_nodes[t]
         if t % STRETCH > 0 and region[t - 1] == region[t]:
             other = winners[t - 1]
             if squared_distance(mesh.position, other, x) < squared_distance(mesh.position, v, x):

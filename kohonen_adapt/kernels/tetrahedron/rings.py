@@ -96,7 +96,8 @@ def triangulate(mesh, trial, side, count, a, b, least, floor):
         merit[side, i, i + 1] = 2.0 if by_quality else 0.0
     for length in range(2, count):
         for i in range(count - length):
-            k, best = i + length, RULED_OUT
+            k = i + length
+            best = RULED_OUT
             for j in range(i + 1, k):
                 value = merit_with(mesh, trial, side, i, j, k, a, b, max(best, least), floor)
                 if value > best:
@@ -147,7 +148,8 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
     if count == 0:
         return new
     region = mesh.elements.region[cavity.shell[side, 0]]
-    cavity.stack[0, 0], cavity.stack[0, 1] = 0, count - 1
+    cavity.stack[0, 0] = 0
+    cavity.stack[0, 1] = count - 1
     height = 1
     while height > 0:
         height -= 1
@@ -159,7 +161,8 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
         p, q, r = ring[side, i], ring[side, j], ring[side, k]
         for corners, end, third in (((p, q, r), b, 1), ((p, r, q), a, 2)):
             for corner in range(3):
-                cavity.new[new, corner], cavity.patch[new, corner] = corners[corner], -1
+                cavity.new[new, corner] = corners[corner]
+                cavity.patch[new, corner] = -1
             cavity.new[new, 3], cavity.patch[new, 3], cavity.patch[new, third] = end, -1, on_base
             cavity.region[new] = region
             new += 1
@@ -239,7 +242,8 @@ def replace_shells(mesh, a, b, rings):
         more = write_triangulation(mesh, side, count, a, b, patch, new)
         if plane and not same_volume(mesh, old, old + removed, new, more):
             return 0
-        old, new = old + removed, more
+        old = old + removed
+        new = more
     return new if replace(mesh, old, new) else 0
 
 

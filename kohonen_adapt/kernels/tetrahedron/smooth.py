@@ -115,7 +115,8 @@ def step_across(normal, gradient, hessian):
 def newton_step(position, star, constraints, weight, v):
     surfaces, freedom = constraints.surfaces, constraints.freedom
     gradient, hessian = derivatives(position, star, constraints.metric, weight, v)
-    x, place = point(position, v), freedom.place[v]
+    x = point(position, v)
+    place = freedom.place[v]
     if freedom.number[v] == INSIDE:
         return step_inside(gradient, hessian)
     if freedom.number[v] == ON_PATCH:
@@ -146,7 +147,8 @@ def smooth_nodes(mesh, weight, floor, order):
             continue
         before, worst_before = star_energy(position, star, metric, weight, v, point(position, v))
         step = newton_step(position, star, mesh.constraints, weight, v)
-        curved, cause = is_curved(surfaces, freedom, v), MOVED
+        curved = is_curved(surfaces, freedom, v)
+        cause = MOVED
         for _ in range(HALVINGS + 1):
             x = slid(position, mesh.constraints, v, step)
             after, worst = star_energy(position, star, metric, weight, v, x)

@@ -64,7 +64,8 @@ def height_above(samples, p, x):
     offset, normal = minus(x, point(samples.point, row)), point(samples.normal, row)
     hessian = samples.hessian[row]
     tilt = dot(point(hessian, 0), offset), dot(point(hessian, 1), offset), dot(point(hessian, 2), offset)
-    height, normal = dot(offset, normal) - 0.5 * dot(offset, tilt), minus(normal, tilt)
+    height = dot(offset, normal) - 0.5 * dot(offset, tilt)
+    normal = minus(normal, tilt)
     slope = 1.0 / norm(normal)
     return slope * height, times(slope, normal)
 
@@ -77,7 +78,8 @@ def nearest_sample(samples, p, x):
     has no stack, because every step follows from the previous row (Wald, "A Stack-Free Traversal Algorithm for
     Left-Balanced k-d Trees", 2022).
     """
-    root, rows = samples.start[p], samples.start[p + 1] - samples.start[p]
+    root = samples.start[p]
+    rows = samples.start[p + 1] - samples.start[p]
     here, before = 0, -1
     depth = 0
     found, least = root, np.inf

@@ -41,7 +41,9 @@ def write_face(mesh, row, e, k, across, patch):
     face, node = mesh.cavity.face, mesh.elements.node
     a, b, c = face_of(node, e, k)
     low, high = min(a, min(b, c)), max(a, max(b, c))
-    face[row, 0], face[row, 1], face[row, 2] = low, a + b + c - low - high, high
+    face[row, 0] = low
+    face[row, 1] = a + b + c - low - high
+    face[row, 2] = high
     face[row, 3], face[row, 4] = across, k
     mesh.cavity.face_patch[row] = patch
 
@@ -58,7 +60,8 @@ def write_border(mesh, count):
     Each row has the element outside and the corner of that element, or -1. Returned is the number of faces.
     """
     elements, cavity = mesh.elements, mesh.cavity
-    stamp, faces = next_stamp(cavity), 0
+    stamp = next_stamp(cavity)
+    faces = 0
     for i in range(count):
         cavity.element_stamp[cavity.old[i]] = stamp
     for i in range(count):
@@ -106,8 +109,10 @@ def replace(mesh, count_old, count_new):
         e = pool.free_elements[pool.height[1]]
         cavity.made[i], elements.region[e] = e, cavity.region[i]
         for k in range(4):
-            elements.node[e, k], elements.neighbour[e, k] = cavity.new[i, k], -1
-            elements.patch[e, k], pool.anchor[cavity.new[i, k]] = cavity.patch[i, k], e
+            elements.node[e, k] = cavity.new[i, k]
+            elements.neighbour[e, k] = -1
+            elements.patch[e, k] = cavity.patch[i, k]
+            pool.anchor[cavity.new[i, k]] = e
     faces = border
     for i in range(count_new):
         for k in range(4):
@@ -344,7 +349,8 @@ def exceeds_on_face(mesh, new, j, w):
 @inner_kernel
 def shell_nodes(mesh, v, w, count):
     node, cavity = mesh.elements.node, mesh.cavity
-    found, stamp = 0, next_stamp(cavity)
+    found = 0
+    stamp = next_stamp(cavity)
     for i in range(count):
         for k in range(4):
             a = node[cavity.around_other[i], k]

@@ -94,7 +94,8 @@ def remove_edge(mesh, trial, quadratic, queue, open_patch, rule, e, edge):
         return 0, 0.0
     if trial is not None and rings[4] >= 0 and not open_patch[rings[4]]:
         return 0, 0.0
-    count, worst = rings[1] + rings[3], add_shells(mesh, rings)
+    count = rings[1] + rings[3]
+    worst = add_shells(mesh, rings)
     least, floor = bounds(mesh, trial, count, worst, below, floor)
     if quadratic is not None:
         return remove_edge_order2(mesh, quadratic, a, b, rings, floor, charge)

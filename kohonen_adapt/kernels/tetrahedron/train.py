@@ -28,9 +28,11 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     freedom, surfaces, metric = constraints.freedom, constraints.surfaces, constraints.metric
     queue, stamps = scratch.queue, scratch.node_stamp
     for t in range(lesson.points.shape[0]):
-        x, region = point(lesson.points, t), lesson.region[t]
+        x = point(lesson.points, t)
+        region = lesson.region[t]
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * lesson.weights[t])
-        queue[0], stamps[lesson.winners[t]] = lesson.winners[t], stamp
+        queue[0] = lesson.winners[t]
+        stamps[lesson.winners[t]] = stamp
         first, last = 0, 1
         for ring in range(lesson.strength.shape[0]):
             if ring > 0:

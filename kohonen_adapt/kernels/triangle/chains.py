@@ -123,7 +123,8 @@ def nearest_parameter(chains, c, x, near):
 def parameter_of(position, constraints, c, v):
     if constraints.kind[v] == SLIDING and constraints.chain[v, OWN] == c:
         return constraints.parameter[v]
-    x, chains = xy(position, v), constraints.chains
+    x = xy(position, v)
+    chains = constraints.chains
     if squared_to_parameter(chains, c, chains.geometry[c, LENGTH], x) < squared_to_parameter(chains, c, 0.0, x):
         return chains.geometry[c, LENGTH]
     return 0.0
@@ -189,7 +190,8 @@ def within_reach(mesh, c, v, x):
 
 @inner_kernel
 def knot_before(chains, c, parameter):
-    low, high = chains.row[c], chains.row[c + 1] - 1
+    low = chains.row[c]
+    high = chains.row[c + 1] - 1
     while high - low > 1:
         middle = (low + high) // 2
         if chains.knot[middle, AT] <= parameter:
@@ -223,7 +225,8 @@ def on_span(knot, k, fraction):
 
 @inner_kernel
 def nearest_on_table(chains, c, x, near):
-    knot, k = chains.knot, knot_before(chains, c, near)
+    knot = chains.knot
+    k = knot_before(chains, c, near)
     best = np.inf
     distance = squared_to_knot(knot, k, x)
     for direction in (1, -1):
@@ -244,7 +247,8 @@ def nearest_on_table(chains, c, x, near):
 
 @inner_kernel
 def next_knot(chains, c, k, direction):
-    first, last = chains.row[c], chains.row[c + 1] - 1
+    first = chains.row[c]
+    last = chains.row[c + 1] - 1
     k += direction
     if chains.flags[c, CLOSED]:
         return last - 1 if k < first else (first if k >= last else k)
@@ -319,7 +323,8 @@ def slide(mesh, v, parameter, floor):
 @inner_kernel
 def slide_pair(mesh, v, parameter, floor):
     position, constraints = mesh.position, mesh.constraints
-    w, before = constraints.periodic.partner[v], xy(position, v)
+    w = constraints.periodic.partner[v]
+    before = xy(position, v)
     start = constraints.parameter[v]
     # The star of the partner depends on the node where the mesh is a single element wide, so the node moves first.
     cause = slide(mesh, v, parameter, floor)

@@ -87,7 +87,8 @@ def gather_patch(data, e, k, patch, seen):
         seen[e, k] = True
         patch.element[size], patch.corner[size] = e, k
         size += 1
-        v, side = data.node[e, k], (k + 1) % 3
+        v = data.node[e, k]
+        side = (k + 1) % 3
         e, outflow = data.neighbour[e, side], data.outflow[e, side]
         if e >= 0:
             k = corner_of(data.node, e, v)
@@ -106,8 +107,10 @@ def balance(data, patch, size, closed):
     set_means(data, patch, size)
     if closed:
         return patch.mean[size]
-    first, right = patch.element[0], (patch.corner[0] + 2) % 3
-    last, left = patch.element[size - 1], (patch.corner[size - 1] + 1) % 3
+    first = patch.element[0]
+    right = (patch.corner[0] + 2) % 3
+    last = patch.element[size - 1]
+    left = (patch.corner[size - 1] + 1) % 3
     natural_start = data.neighbour[first, right] == NATURAL
     natural_end = data.neighbour[last, left] == NATURAL
     begin, finish = 0.5 * data.outflow[first, right], -0.5 * data.outflow[last, left]

@@ -36,9 +36,11 @@ def rows_with(star, v, w):
     ahead, one, behind, other = -1, -1, -1, -1
     for row in rows_of(star, v):
         if star.ahead[row] == w:
-            ahead, one = row, star.behind[row]
+            ahead = row
+            one = star.behind[row]
         elif star.behind[row] == w:
-            behind, other = row, star.ahead[row]
+            behind = row
+            other = star.ahead[row]
     return ahead, one, behind, other
 
 

@@ -44,7 +44,8 @@ def may_move(position, star, metric, v, x, floor):
 @kernel
 def move_to_targets(position, star, metric, nodes, target, tolerance, floor):
     for i in range(nodes.shape[0]):
-        v, x = nodes[i], xy(target, i)
+        v = nodes[i]
+        x = xy(target, i)
         far = abs(x[0] - position[v, 0]) + abs(x[1] - position[v, 1]) > tolerance
         if far and may_move(position, star, metric, v, x, floor):
             put(position, v, x)

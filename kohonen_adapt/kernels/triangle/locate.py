@@ -65,7 +65,8 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
     position, elements, star, inner = mesh.position, mesh.elements, mesh.star, mesh.constraints.inner
     node, neighbour, regions, crossed = elements.node, elements.neighbour, elements.region, scratch.crossed
     for t in range(points.shape[0]):
-        x, own = xy(points, t), region[t]
+        x = xy(points, t)
+        own = region[t]
         v = start_nodes[t]
         if t % STRETCH > 0 and region[t - 1] == own:
             v = nearer(position, v, winners[t - 1], x)
@@ -94,10 +95,12 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
             winner, best = int(node[e, 0]), dot(a, a)
             distance = dot(b, b)
             if distance < best or (distance == best and node[e, 1] < winner):
-                winner, best = int(node[e, 1]), distance
+                winner = int(node[e, 1])
+                best = distance
             distance = dot(c, c)
             if distance < best or (distance == best and node[e, 2] < winner):
-                winner, best = int(node[e, 2]), distance
+                winner = int(node[e, 2])
+                best = distance
             count = crossings = 0
             for k in range(3):
                 if k == 0:
@@ -121,15 +124,18 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
                 w = mapped(map_, from_to(x, position, node[f, j]))
                 distance = dot(w, w)
                 if distance < best or (distance == best and node[f, j] < winner):
-                    winner, best = int(node[f, j]), distance
+                    winner = int(node[f, j])
+                    best = distance
                 p = mapped(map_, from_to(x, position, node[e, (k + 1) % 3]))
                 q = mapped(map_, from_to(x, position, node[e, (k + 2) % 3]))
                 # in f = (w, q, p) the edge pw is opposite to q, and wq to p
                 if cuts(p, w, cross(p, w), best):
-                    crossed[count, 0], crossed[count, 1] = f, (j + 1) % 3
+                    crossed[count, 0] = f
+                    crossed[count, 1] = (j + 1) % 3
                     count += 1
                 if cuts(w, q, cross(w, q), best):
-                    crossed[count, 0], crossed[count, 1] = f, (j + 2) % 3
+                    crossed[count, 0] = f
+                    crossed[count, 1] = (j + 2) % 3
                     count += 1
         if found:
             winners[t], distances[t] = winner, np.sqrt(best)

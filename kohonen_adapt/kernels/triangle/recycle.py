@@ -126,7 +126,8 @@ def split_and_flip(mesh, e, k, floor, x, parameter):
     without flips.
     """
     position, elements, scratch = mesh.position, mesh.elements, mesh.scratch
-    before, end = quality_beside(mesh, e, k), elements.node[e, (k + 1) % 3]
+    before = quality_beside(mesh, e, k)
+    end = elements.node[e, (k + 1) % 3]
     flips = 0
     p = split(mesh, e, k, x, parameter)
     for i in range(gather_around(mesh, p, scratch.around)):

@@ -54,7 +54,8 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
         if constraints.kind[v] == FREE:
             by_quality += not step_towards(position, star, constraints.metric, v, x, floor)
             continue
-        chains, chain = constraints.chains, constraints.chain[v, OWN]
+        chains = constraints.chains
+        chain = constraints.chain[v, OWN]
         parameter = constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
         if chains.flags[chain, PAIRED]:
@@ -73,7 +74,8 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
 
 @inner_kernel
 def centre_mean(position, star, shape, weight, circumcentres, v):
-    x, total = xy(position, v), 0.0
+    x = xy(position, v)
+    total = 0.0
     mean = (0.0, 0.0)  # |K| c_K needs no division, so flat elements do no harm
     for k in rows_of(star, v):
         i, j, w = star.ahead[k], star.behind[k], weight[star.element[k]]
@@ -94,7 +96,8 @@ def centre_mean(position, star, shape, weight, circumcentres, v):
 @inner_kernel
 def slide_along_chain(mesh, v, distance, floor):
     constraints = mesh.constraints
-    chains, chain = constraints.chains, constraints.chain[v, OWN]
+    chains = constraints.chains
+    chain = constraints.chain[v, OWN]
     cause = MOVED
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)

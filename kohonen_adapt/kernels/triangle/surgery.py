@@ -24,7 +24,8 @@ def metric_length(mesh, a, b):
 
     The length is rounded to 24 bits, so that rounding errors do not decide between edges of equal length.
     """
-    density, edge = mesh.origins.density, from_to(xy(mesh.position, b), mesh.position, a)
+    density = mesh.origins.density
+    edge = from_to(xy(mesh.position, b), mesh.position, a)
     length = squared_length(mesh.metric.shape, a, b, edge) * np.sqrt(density[a] * density[b])
     spread = length * SPLITTER
     return spread - (spread - length)
@@ -33,7 +34,8 @@ def metric_length(mesh, a, b):
 @inner_kernel
 def gather_around(mesh, v, around):
     node, neighbour = mesh.elements.node, mesh.elements.neighbour
-    count, first = 0, mesh.pool.anchor[v]
+    count = 0
+    first = mesh.pool.anchor[v]
     e = first
     while e >= 0:
         around[count] = e
@@ -199,7 +201,8 @@ def collapsed_quality(mesh, v, w, longest, floor):
         if a == w or b == w:
             shared += 1
             to_w = (k + 2) % 3 if a == w else (k + 1) % 3
-            to_x, across = (k + 1) % 3 if a == w else (k + 2) % 3, elements.neighbour[e, k]
+            to_x = (k + 1) % 3 if a == w else (k + 2) % 3
+            across = elements.neighbour[e, k]
             if constraints.kind[v] == SLIDING and chain[e, to_w] != constraints.chain[v, OWN]:
                 return -1.0
             if chain[e, to_x] >= 0 or (across < 0 and elements.neighbour[e, to_x] < 0):
@@ -251,7 +254,8 @@ def collapse(mesh, v, w):
     """
     elements, pool, scratch = mesh.elements, mesh.pool, mesh.scratch
     node, neighbour, chain = elements.node, elements.neighbour, elements.chain
-    count, left = gather_around(mesh, v, scratch.around), 0
+    count = gather_around(mesh, v, scratch.around)
+    left = 0
     for i in range(count):
         e = scratch.around[i]
         k = corner_of(node, e, v)

@@ -40,19 +40,23 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     strength, rings = lesson.strength, lesson.ends
     kind, chains, metric = constraints.kind, constraints.chains, constraints.metric
     queue, stamps = scratch.queue, scratch.node_stamp
-    radius, parameter = strength.shape[0] - 1, 0.0
+    radius = strength.shape[0] - 1
+    parameter = 0.0
     by_quality, by_reach = 0, 0
-    periodic, rings[0] = constraints.periodic.motions.shape[0] > 0, 0
+    periodic = constraints.periodic.motions.shape[0] > 0
+    rings[0] = 0
     for t in range(points.shape[0]):
         x = xy(points, t)
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
-        queue[0], stamps[winners[t]] = winners[t], stamp
+        queue[0] = winners[t]
+        stamps[winners[t]] = stamp
         first, last = 0, 1
         for ring in range(radius + 1):
             if ring > 0:
                 end = gather_ring(mesh, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
-            step, rings[ring + 1] = rate_of_point * strength[ring], last
+            step = rate_of_point * strength[ring]
+            rings[ring + 1] = last
             for i in range(first, last):  # moves are inlined, because calls would take longer
                 v = queue[i]
                 if kind[v] == FREE:
@@ -123,7 +127,8 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
     periodic, queue, stamps = mesh.constraints.periodic, scratch.queue, scratch.node_stamp
     reached = rings[-1]
     for m in range(periodic.motions.shape[0]):
-        there, stamp = periodic.region[m, region], next_stamp(scratch)
+        there = periodic.region[m, region]
+        stamp = next_stamp(scratch)
         if there < 0:
             continue
         motion = periodic.motions[m]
@@ -134,7 +139,8 @@ def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch
                 end = gather_ring(mesh, there, queue, first, last, stamps, stamp)
                 first, last = last, end
                 for i in range(first, last):
-                    v, step = queue[i], rate * strength[ring]
+                    v = queue[i]
+                    step = rate * strength[ring]
                     move_to_image(mesh, v, image, step, floor)
             for i in range(rings[ring], rings[ring + 1]):
                 v = queue[i]
@@ -159,7 +165,8 @@ def move_to_image(mesh, v, x, step, floor):
 
 @inner_kernel
 def stepped_parameter(constraints, chain, v, x, step):
-    chains, parameter = constraints.chains, constraints.parameter[v]
+    chains = constraints.chains
+    parameter = constraints.parameter[v]
     distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
     return advanced_parameter(chains, chain, parameter, step * distance)
 
@@ -168,7 +175,8 @@ def stepped_parameter(constraints, chain, v, x, step):
 def sliding_neighbour(elements, star, constraints, corner, chain):
     found = -1
     for k in rows_of(star, corner):
-        e, outlines = star.element[k], 0
+        e = star.element[k]
+        outlines = 0
         for j in range(3):
             if elements.node[e, j] == corner:
                 continue

@@ -40,7 +40,8 @@ def sum_weights(winners, region, weights, elements, star, mass):
     for e in range(mass.shape[0]):
         mass[e] = 0.0
     for t in range(winners.shape[0]):
-        v, count = winners[t], 0
+        v = winners[t]
+        count = 0
         for k in rows_of(star, v):
             count += elements.region[star.element[k]] == region[t]
         for k in rows_of(star, v):
@@ -90,7 +91,8 @@ def find_directions(node, constraints, cluster, count, along):
 def move_with_clusters(star, constraints, cluster, flow, first, last, move):
     kind = constraints.kind
     for v in range(first, last):
-        total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
+        total = (0.0, 0.0)
+        count = star.start[v + 1] - star.start[v]
         for k in rows_of(star, v):
             total = plus(total, xy(flow, cluster[star.element[k]]))
         put(move, v, divided(total, count))
@@ -102,7 +104,8 @@ def move_with_clusters(star, constraints, cluster, flow, first, last, move):
 def smooth_moves(star, constraints, move, first, last, smoothed):
     kind = constraints.kind
     for v in range(first, last):
-        total, count = (0.0, 0.0), star.start[v + 1] - star.start[v]
+        total = (0.0, 0.0)
+        count = star.start[v + 1] - star.start[v]
         for k in rows_of(star, v):
             total = plus(total, xy(move, star.ahead[k]))
         if kind[v] != FREE:  # around a free node `behind` is `ahead` in the next row
@@ -133,7 +136,8 @@ def project_on_boundary(constraints, v, move):
 @kernel
 def measure_moves(position, star, move, first, last, ratio):
     for v in range(first, last):
-        x, doubled = xy(position, v), 0.0
+        x = xy(position, v)
+        doubled = 0.0
         for k in rows_of(star, v):
             doubled += cross(from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k]))
         ratio[v] = math.hypot(move[v, 0], move[v, 1]) / math.sqrt(max(doubled / 6.0, FLAT * FLAT))
@@ -172,7 +176,8 @@ def move_to_neighbour_mean(target, parameter, node, star, constraints, spoiled):
                 v = node[e, corner]
                 if kind[v] == HELD:
                     continue
-                total, count = (0.0, 0.0), 2 * (star.start[v + 1] - star.start[v])
+                total = (0.0, 0.0)
+                count = 2 * (star.start[v + 1] - star.start[v])
                 for k in rows_of(star, v):
                     total = plus(total, plus(xy(target, star.ahead[k]), xy(target, star.behind[k])))
                 put(target, v, divided(total, count))
@@ -221,7 +226,8 @@ def slow_node(position, target, parameter, constraints, v, rings, ring, queue, l
 
 @inner_kernel
 def place_on_boundary(target, parameter, constraints, v):
-    chain, chains = constraints.chain[v, OWN], constraints.chains
+    chain = constraints.chain[v, OWN]
+    chains = constraints.chains
     if not chains.flags[chain, PAIRED]:
         parameter[v] = nearest_parameter(chains, chain, xy(target, v), constraints.parameter[v])
     put(target, v, point_at(chains, chain, parameter[v]))

@@ -26,11 +26,13 @@ def energy_of_old(mesh, quadratic, old, count, a, b):
         e = old[i]
         region = mesh.elements.region[e]
         for k in range(4):
-            block.local[i, k], block.dof[i, k] = value_at(trial, region, node[e, k]) - own, -1
+            block.local[i, k] = value_at(trial, region, node[e, k]) - own
+            block.dof[i, k] = -1
         for k in range(6):
             p, q = edge_of(node, e, k)
             is_removed = ((p == a and q == b) or (p == b and q == a)) and not modes.dirichlet[e, k]
-            block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], 0 if is_removed else -1
+            block.local[i, 4 + k] = modes.side[e, k, 0]
+            block.dof[i, 4 + k] = 0 if is_removed else -1
         load = source_along(trial, region, a, b)
         part = add_element(mesh.position, trial, block, i, region, load, corners_of(node, e), BLOCK)
         magnitude, total = magnitude + part[0], total + part[1]
@@ -107,7 +109,8 @@ def list_edges(mesh, quadratic, count):
             if edges == UNKNOWNS // 2:
                 return -1
             block.end[edges, 0], block.end[edges, 1] = min(p, q), max(p, q)
-            block.mode[edges], block.edge_dof[edges] = modes.side[e, k, 0], -1
+            block.mode[edges] = modes.side[e, k, 0]
+            block.edge_dof[edges] = -1
             block.edge_given[edges] = modes.dirichlet[e, k]
             edges += 1
     return edges
@@ -123,14 +126,16 @@ def gather_new(mesh, quadratic, count, known, own, base):
     for i in range(count):
         region = mesh.cavity.region[i]
         for k in range(4):
-            block.local[i, k], block.dof[i, k] = value_at(quadratic.trial, region, node[i, k]) - own, -1
+            block.local[i, k] = value_at(quadratic.trial, region, node[i, k]) - own
+            block.dof[i, k] = -1
         for k in range(6):
             p, q = edge_of(node, i, k)
             row = find_edge(block, edges, p, q)
             if row == edges:
                 given = min(p, q) == min(base[0], base[1]) and max(p, q) == max(base[0], base[1])
                 block.end[row, 0], block.end[row, 1], block.mode[row] = min(p, q), max(p, q), 0.0
-                block.edge_given[row], block.edge_dof[row] = given, -1 if given else unknowns
+                block.edge_given[row] = given
+                block.edge_dof[row] = -1 if given else unknowns
                 edges, unknowns = edges + 1, unknowns + (0 if given else 1)
             block.local[i, 4 + k], block.dof[i, 4 + k] = block.mode[row], block.edge_dof[row]
             block.given[i, k] = block.edge_given[row]

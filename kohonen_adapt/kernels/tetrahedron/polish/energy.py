@@ -101,7 +101,8 @@ def element_energy(position, trial, region, load, a, b, c, d):
 @inner_kernel
 def stored_in(trial, region, six, n):
     n = shifted(trial, region, six, n)
-    law, square = trial.laws.number[region], dot(n, n)
+    law = trial.laws.number[region]
+    square = dot(n, n)
     if law >= 0:
         return six * energy_density(trial.laws, law, square / (six * six))[0] / 6.0
     return trial.data[region, TWELFTH_COEFFICIENT] * square / six

@@ -95,10 +95,12 @@ def set_functions(block, i, at):
     value, gradient = 0.0, ZERO
     for k in range(10):
         if k < 4:
-            size, slope = at[k], point(g, k)
+            size = at[k]
+            slope = point(g, k)
         else:
             p, q = corners_of_edge(k - 4)
-            size, slope = 4.0 * at[p] * at[q], times(4.0, weighted(at[p], point(g, q), at[q], point(g, p)))
+            size = 4.0 * at[p] * at[q]
+            slope = times(4.0, weighted(at[p], point(g, q), at[q], point(g, p)))
         put(block.gradient, k, slope)
         value += u[i, k] * size
         gradient = plus_times(gradient, u[i, k], slope)
@@ -117,7 +119,8 @@ def add_unknowns_at(block, i, at, h, m, pull, field, wanted):
             continue
         size = at[own] if own < 4 else 4.0 * at[EDGES[own - 4, 0]] * at[EDGES[own - 4, 1]]
         e = point(gradient, own)
-        rest, t = dot(h, e) - pull * size, product(m, e)
+        rest = dot(h, e) - pull * size
+        t = product(m, e)
         block.rest[row] += rest
         for other in range(own + 1):
             column = dof[i, other]
@@ -139,13 +142,15 @@ def add_by_points(position, trial, block, i, region, load, six, corners, wanted,
     by_place, by_both = ZERO, ZEROS
     a, b, c, d = corners
     ranks = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
-    has_law, flux = trial.laws.number[region] >= 0, times(6.0, sixth_flux(trial, region))
+    has_law = trial.laws.number[region] >= 0
+    flux = times(6.0, sixth_flux(trial, region))
     shift = times(1.0 if has_law else 0.0, shift_of(trial, region))
     points, weights = (block.point, block.weight) if has_law else (block.curve_point, block.curve_weight)
     if wanted > VALUE:
         clear_moments(block)
     for q in range(weights.shape[0]):
-        at, source = (points[q, ranks[0]], points[q, ranks[1]], points[q, ranks[2]], points[q, ranks[3]]), 0.0
+        at = (points[q, ranks[0]], points[q, ranks[1]], points[q, ranks[2]], points[q, ranks[3]])
+        source = 0.0
         if is_curved:
             six = slopes_at(position, block, corners, at)
             value, field = set_functions(block, i, at)
@@ -153,7 +158,8 @@ def add_by_points(position, trial, block, i, region, load, six, corners, wanted,
         else:
             field = combined(at[0], point(t, 0), at[1], point(t, 1), at[2], point(t, 2))
             field = plus_times(field, at[3], point(t, 3))
-        g, w = minus(field, shift), six / 6.0 * weights[q]
+        g = minus(field, shift)
+        w = six / 6.0 * weights[q]
         density, rate, curve = density_at(trial, region, g)
         along = dot(flux, field)
         energy += w * density
@@ -242,7 +248,8 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     magnitude, level = energy + abs(pulled) + abs(push), energy - pulled - push
     if wanted < POSITION:
         return magnitude, level, ZERO, ZEROS
-    x, tenth = point(g, 0), 0.1 * weight
+    x = point(g, 0)
+    tenth = 0.1 * weight
     gradient = combined(level, x, -tenth, product(moment, x), 0.25 * dot(flux, x), total)
     return magnitude, level, gradient, times(tenth * dot(x, x), moment)
 

@@ -16,7 +16,6 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     corner_of,
     cubed_quality,
     cubed_quality_at,
-    edge_of,
     element_quality,
     gather_around,
     list_neighbours,
@@ -31,6 +30,7 @@ from kohonen_adapt.kernels.tetrahedron.polish.exchange_order1 import (
 )
 from kohonen_adapt.kernels.tetrahedron.polish.exchange_order2 import energy_merged_order2, gain_of_split_order2
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import UNMOVED, slivers_of
+from kohonen_adapt.kernels.tetrahedron.polish.star import EDGE_OF
 from kohonen_adapt.kernels.tetrahedron.recycle import holds_edge
 from kohonen_adapt.kernels.tetrahedron.surgery import (
     NOWHERE,
@@ -88,7 +88,7 @@ def weigh_splits(mesh, trial, quadratic, offers, p, floor, nodes):
                 put(mesh.position, p, midpoint(mesh.position, v, w))
                 gain, unknowns, _ = gain_of_split_order2(mesh, quadratic, cavity.around_other, shell, v, w, p)
             e = cavity.around_other[0]
-            offers.gain[e, edge_between(node, e, v, w)] = max(0.0, gain / unknowns)
+            offers.gain[e, EDGE_OF[corner_of(node, e, v), corner_of(node, e, w)]] = max(0.0, gain / unknowns)
 
 
 @inner_kernel
@@ -108,7 +108,8 @@ def cheapest_collapse(mesh, trial, quadratic, v, most, floor):
         if freedom.number[w] == INSIDE and freedom.number[v] != INSIDE:
             continue
         if quadratic is None:
-            after, unknowns = energy_merged(mesh, trial, v, w, count, least), 1
+            after = energy_merged(mesh, trial, v, w, count, least)
+            unknowns = 1
         else:
             after, unknowns = energy_merged_order2(mesh, quadratic, v, w, count, neighbours, least)
         cost = after - before
@@ -116,7 +117,8 @@ def cheapest_collapse(mesh, trial, quadratic, v, most, floor):
         if unknowns < 1 or not cost < cheapest * unknowns:
             continue
         if prepare_collapse(mesh, v, w, floor, UNLIMITED)[0] > 0.0:
-            cheapest, into = cost / unknowns, w
+            cheapest = cost / unknowns
+            into = w
             least_cost, saved = cost, unknowns
     return (cheapest if into >= 0 else np.inf), into, least_cost, saved
 
@@ -243,7 +245,8 @@ def exchange(mesh, trial, quadratic, queue, offers, ends, gains, nodes, state, m
             if v < 0:
                 continue
             merge(mesh, None, queue, offers, v, w, floor)
-            count, decrease = prepare_split(mesh, a, b, floor), decrease - cost
+            count = prepare_split(mesh, a, b, floor)
+            decrease = decrease - cost
             credit, _, value, _ = gain_at(mesh, trial, None, mesh.cavity.old, count, a, b, p)
         insert(mesh, trial, quadratic, queue, offers, a, b, count, value, given)
         splits, decrease = splits + 1, decrease + credit
@@ -287,12 +290,3 @@ def halves_allowed(mesh, count, a, b, floor):
         after = min(after, cubed_quality_at(position, x, b, c, d))
         after = min(after, cubed_quality_at(position, x, a, d, c))
     return allowed(after, before, floor)
-
-
-@inner_kernel
-def edge_between(node, e, a, b):
-    for edge in range(5):
-        v, w = edge_of(node, e, edge)
-        if (v == a and w == b) or (v == b and w == a):
-            return edge
-    return 5

@@ -31,14 +31,16 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     """
     values, (p, q, r), six, n = gradient_of(position, trial, region, a, b, c, d)
     o = plus(plus(p, q), r)  # o = -S_a, p = S_b
-    step, m = 2.0 * w, shifted(trial, region, six, n)
+    step = 2.0 * w
+    m = shifted(trial, region, six, n)
     square, on_p, on_o = dot(m, m), dot(m, p), dot(m, o)
     p_p, o_o = dot(p, p), dot(o, o)
     one = square + step * (2.0 * on_p + step * p_p)
     one, by_one, by_ww_one = half_energy(trial, region, six, one, on_p + step * p_p, p_p)
     two = square - step * (2.0 * on_o - step * o_o)
     two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
-    pull, flux = source_along(trial, region, a, b) * six, sixth_flux(trial, region)
+    pull = source_along(trial, region, a, b) * six
+    flux = sixth_flux(trial, region)
     lift = dot(flux, minus(p, o))
     push, down = dot(flux, n) + w * lift, pull * (values + w)
     energy = one + two

@@ -36,7 +36,8 @@ def write_element(mesh, quadratic, i, e, end, p, own, rows):
     for k in range(6):
         first, second = edge_of(node, e, k)
         if first != end and second != end:
-            block.local[i, 4 + k], block.dof[i, 4 + k] = modes.side[e, k, 0], -1
+            block.local[i, 4 + k] = modes.side[e, k, 0]
+            block.dof[i, 4 + k] = -1
             block.given[i, k] = modes.dirichlet[e, k]
             continue
         row = row_of(block, rows, second if first == end else first)
@@ -57,7 +58,8 @@ def gain_of_split_order2(mesh, quadratic, shell, count, a, b, p):
     rows = 2
     block.end[0, 0], block.end[1, 0] = a, b
     for row in range(2):
-        block.mode[row], block.edge_given[row] = 0.25 * middle, given
+        block.mode[row] = 0.25 * middle
+        block.edge_given[row] = given
     for i in range(count):
         e = shell[i]
         ka, kb = corner_of(node, e, a), corner_of(node, e, b)
@@ -69,7 +71,8 @@ def gain_of_split_order2(mesh, quadratic, shell, count, a, b, p):
                 if rows == UNKNOWNS - 1:
                     return 0.0, 1, False
                 rows += 1
-                block.end[row, 0], block.edge_given[row] = node[e, k], False
+                block.end[row, 0] = node[e, k]
+                block.edge_given[row] = False
                 modes_to = modes.side[e, EDGE_OF[ka, k], 0] + modes.side[e, EDGE_OF[kb, k], 0]
                 block.mode[row] = 0.5 * modes_to - 0.25 * middle
             patch = mesh.elements.patch[e, 6 - ka - kb - k]
@@ -97,7 +100,9 @@ def energy_merged_order2(mesh, quadratic, v, w, count, neighbours, least):
     # element would be worse than `least`.
     block, modes, node = quadratic.block, quadratic.modes, mesh.elements.node
     for row in range(neighbours):
-        block.end[row, 0], block.edge_dof[row], block.mode[row] = mesh.cavity.made[row], 0, 0.0
+        block.end[row, 0] = mesh.cavity.made[row]
+        block.edge_dof[row] = 0
+        block.mode[row] = 0.0
         block.edge_given[row] = False
     new = edges = unknowns = 0
     for i in range(count):
@@ -107,7 +112,8 @@ def energy_merged_order2(mesh, quadratic, v, w, count, neighbours, least):
             for k in range(4):
                 if k not in (kv, kw):
                     row = row_of(block, neighbours, node[e, k])
-                    block.mode[row], block.edge_dof[row] = modes.side[e, EDGE_OF[kw, k], 0], NOWHERE
+                    block.mode[row] = modes.side[e, EDGE_OF[kw, k], 0]
+                    block.edge_dof[row] = NOWHERE
                     block.edge_given[row] = modes.dirichlet[e, EDGE_OF[kw, k]]
             continue
         for k in range(4):

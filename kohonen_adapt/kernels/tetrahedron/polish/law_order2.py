@@ -86,7 +86,8 @@ def add_moments_to_unknowns(block, i, pull, wanted):
             apply_curvature(block, a, v)
         block.rest[row] += rest
         for other in range(own + 1):
-            column, total = dof[i, other], 0.0
+            column = dof[i, other]
+            total = 0.0
             if column < 0:
                 continue
             for b in range(4):
@@ -120,7 +121,8 @@ def add_mixed_by_law(block, row, own, rest):
     g, mixed = block.slope, block.mixed
     add_to(mixed, row, times(rest, point(g, 0)))
     for a in range(4):
-        v, turn = corner_slope(g, own, a), block.turn[a]
+        v = corner_slope(g, own, a)
+        turn = block.turn[a]
         across = dot(point(block.force, a), point(g, 0))
         part = combined(across, v, v[0], point(turn, 0), v[1], point(turn, 1))
         add_to(mixed, row, times(-1.0, plus_times(part, v[2], point(turn, 2))))

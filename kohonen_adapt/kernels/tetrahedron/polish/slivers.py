@@ -73,7 +73,8 @@ def gradients(position, elements, trial, e, moved):
 
     The shape function is that of the node in `moved`.
     """
-    node, region = elements.node, elements.region[e]
+    node = elements.node
+    region = elements.region[e]
     v, _, w = moved
     i, j, k, last = corners_of(node, e)
     origin, at_last = position_of(position, last, moved), value_at(trial, region, last)
@@ -110,7 +111,8 @@ def sliver(position, elements, surfaces, trial, e, k, moved):
     volume = sliver_volume(surfaces, p, a, b, c)
     slope, hat, six = gradients(position, elements, trial, e, moved)
     if not outer and trial.follows[p]:
-        slope, hat = point(trial.rate, p), ZERO
+        slope = point(trial.rate, p)
+        hat = ZERO
     there = density(trial, elements.region[e], slope, hat)
     if outer:
         there, volume = times(-1.0, there), min(volume, abs(six) / 6.0)
@@ -141,7 +143,8 @@ def has_slivers(mesh, trial, v):
 
 @inner_kernel
 def slivers_around(mesh, trial, v, x, w):
-    total, moved = ZERO, (v, x, w)
+    total = ZERO
+    moved = (v, x, w)
     for j in rows_of(mesh.star, v):
         e = mesh.star.element[j]
         total = plus(total, slivers_of(mesh.position, mesh.elements, mesh.constraints.surfaces, trial, e, moved))
@@ -160,7 +163,8 @@ def energy_error(position, elements, trial, e, k):
     if across >= 0:
         there, own = gradients(position, elements, trial, across, UNMOVED)[0], elements.region[across]
     elif trial.follows[p]:
-        there, own = slope, elements.region[e]
+        there = slope
+        own = elements.region[e]
         slope = point(trial.rate, p)
     else:
         return 0.0

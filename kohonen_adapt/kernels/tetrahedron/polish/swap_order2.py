@@ -89,7 +89,8 @@ def remove_edge_order2(mesh, quadratic, a, b, rings, floor, charge):
                 continue
             if known == 0:
                 magnitude, now, before = energy_of_old(mesh, quadratic, mesh.cavity.old, found + found_other, a, b)
-                known, best = list_edges(mesh, quadratic, found + found_other), before - ROUNDING * magnitude
+                known = list_edges(mesh, quadratic, found + found_other)
+                best = before - ROUNDING * magnitude
             total, edges = energy_of_rings(mesh, quadratic, known, new, a, b, rings)
             total += charge * (edges - known - 1)
             if total < best:

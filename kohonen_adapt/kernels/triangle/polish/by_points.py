@@ -60,8 +60,10 @@ def add_by_points(descent, j, x, a, b, wanted):
     load = 3.0 * trial.data[e, SIXTH_SOURCE]
     flux = trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y]
     magnitude = total = 0.0
-    gradient, hessian = (0.0, 0.0), ZERO
-    functions, kind = points.slope.shape[2], STRAIGHT_SIDED
+    gradient = (0.0, 0.0)
+    hessian = ZERO
+    functions = points.slope.shape[2]
+    kind = STRAIGHT_SIDED
     if special:
         kind = axis_kind(x[0], a[0], b[0]) if around else 0
     for i in range(functions if wanted > VALUE else 0):
@@ -114,7 +116,8 @@ def add_by_points(descent, j, x, a, b, wanted):
         t11 = weight * dot(r, r) + curve_weight * on_r * on_r
         t12 = -weight * dot(p, r) - curve_weight * on_p * on_r
         t22 = weight * dot(p, p) + curve_weight * on_p * on_p
-        rest_1, rest_2 = -dot(f, r), dot(f, p)
+        rest_1 = -dot(f, r)
+        rest_2 = dot(f, p)
         for i in range(functions):
             if dof[j, i] < 0:
                 continue
@@ -137,8 +140,10 @@ def add_by_points(descent, j, x, a, b, wanted):
         products = plus_square(products, curve_weight, (along_x, along_y))
         hessian = plus(hessian, plus_times(products, area_factor * lead, (-2.0 * edge[1], edge[0], 0.0)))
         by_x, by_y = weighted(weight, n_x, curve_weight * along_x, g), weighted(weight, n_y, curve_weight * along_y, g)
-        mixed_x_1, mixed_x_2 = plus_dot(f[0], times(-1.0, by_x), r), dot(by_x, p) - f[0]
-        mixed_y_1, mixed_y_2 = plus_dot(f[1], times(-1.0, by_y), r), dot(by_y, p) - f[1]
+        mixed_x_1 = plus_dot(f[0], times(-1.0, by_x), r)
+        mixed_x_2 = dot(by_x, p) - f[0]
+        mixed_y_1 = plus_dot(f[1], times(-1.0, by_y), r)
+        mixed_y_2 = dot(by_y, p) - f[1]
         for i in range(functions):
             pulled = pull * value[i]
             added[i, functions + 1] += slope[i, 0] * mixed_x_1 + slope[i, 1] * mixed_x_2 + pulled * edge[1]

@@ -52,7 +52,8 @@ def descend_nodes(descents, higher, order, floor):
     constraints, fixed = descents.primal.constraints, descents.primal.trial.fixed
     gain = 0.0
     for v in order:
-        kind, first = constraints.kind[v], 1 if fixed[v] else 0  # first free unknown
+        kind = constraints.kind[v]
+        first = 1 if fixed[v] else 0  # first free unknown
         for i in range(descents.terms):
             descent = term_of(descents, i)
             if len(higher) > 0:
@@ -142,7 +143,8 @@ def newton_step(gradient, hessian):
         return 0.0, 0.0
     # The inverse has the same eigenvectors, so a sum of multiples of the identity and of the deviatoric Hessian.
     high, low = 1.0 / max(least, abs(mean + radius)), 1.0 / max(least, abs(mean - radius))
-    along, across = -0.5 * OVERSTEP * (high + low), 0.0
+    along = -0.5 * OVERSTEP * (high + low)
+    across = 0.0
     if radius > 0.0:
         across = -0.5 * OVERSTEP * (high - low) / radius
     return weighted(along, gradient, across, (half * x + off_diagonal * y, off_diagonal * x - half * y))
@@ -196,7 +198,8 @@ def move_linear(descents, v, chain, first, floor):
                 _, c, r, k = around(position, star, trial, WITHOUT, v, x, 0.0)
             if not first:
                 w = -r / k
-            gain, z = now - c - (r + 0.5 * k * w) * w, 0.0
+            gain = now - c - (r + 0.5 * k * w) * w
+            z = 0.0
             if has_dual:
                 _, c, r, k = around(position, star, dual, WITHOUT, v, x, 0.0)
                 z = value_on(dual, chain, parameter) - dual.value[v] if first else -r / k
@@ -225,7 +228,8 @@ def move(descents, v, chain, first, floor):
     primal = descents.primal
     position, constraints = primal.position, primal.constraints
     magnitude = now = 0.0
-    gradient, hessian = (0.0, 0.0), ZERO
+    gradient = (0.0, 0.0)
+    hessian = ZERO
     for i in range(descents.terms):
         part = eliminated(term_of(descents, i), v, chain, first)
         if not part[0]:
@@ -263,7 +267,8 @@ def gain_at(descents, v, chain, first, x, parameter, length, now):
     In linear materials the elimination for the new position is left in the block. In nonlinear materials `length`
     times `response` is added to the unknowns, and subtracted again if the decrease is not positive.
     """
-    gain, nonlinear = now, descents.primal.trial.nonlinear[v]
+    gain = now
+    nonlinear = descents.primal.trial.nonlinear[v]
     for i in range(descents.terms):
         descent = term_of(descents, i)
         block = descent.block
@@ -305,7 +310,8 @@ def improve(descent, higher, v, first):
         if not first:
             improve_value(descent.position, descent.star, descent.trial, v)
         return
-    now, block = derivatives(descent, xy(descent.position, v), BLOCK)[1], descent.block
+    now = derivatives(descent, xy(descent.position, v), BLOCK)[1]
+    block = descent.block
     if factorise(block, first, BLOCK)[0]:
         correct(block, first)
         if descent.trial.nonlinear[v]:
@@ -321,7 +327,9 @@ def settle(descent, v, first, now):
 
     Return the functional of the star, which is `now` before.
     """
-    x, block, length = xy(descent.position, v), descent.block, 1.0
+    x = xy(descent.position, v)
+    block = descent.block
+    length = 1.0
     change(block, first, block.correction, length)
     for _ in range(TRIES):
         after = derivatives(descent, x, VALUE)[1]

@@ -60,7 +60,8 @@ def weigh_splits(mesh, descents, higher, offers, floor, first, last):
     for e in range(first, last):
         for k in range(3):
             offers.gain[e, k] = 0.0
-            c, known = elements.chain[e, k], is_dirichlet(descents.primal, higher, e, k)
+            c = elements.chain[e, k]
+            known = is_dirichlet(descents.primal, higher, e, k)
             if elements.neighbour[e, k] >= e or (not offers.open[c] if c >= 0 else known):  # the outer boundary is -1
                 continue
             a, b = ends_of(elements.node, e, k)
@@ -101,7 +102,8 @@ def gain_of_split(descents, higher, e, k, x):
 def change_by_split(descent, e, k, x):
     known = descent.modes.dirichlet[e, k]
     v, other = ends_of(descent.elements.node, e, k)[0], descent.elements.neighbour[e, k]
-    special, nonlinear = descent.shapes.special[e], descent.trial.laws.number[e] >= 0
+    special = descent.shapes.special[e]
+    nonlinear = descent.trial.laws.number[e] >= 0
     unsplit = 0.0
     if other >= 0:
         special |= descent.shapes.special[other]
@@ -155,7 +157,8 @@ def weigh_collapses(mesh, descents, higher, offers, most, floor, first, last):
 @inner_kernel
 def merge_target(mesh, star, v, j, i):
     # every neighbour of a free node is `ahead` once; a sliding node has two neighbours on its curve
-    e, constraints = star.element[j], mesh.constraints
+    e = star.element[j]
+    constraints = mesh.constraints
     chain = mesh.elements.chain[e, (corner_of(mesh.elements.node, e, v) + 2 - i) % 3]
     if chain != constraints.chain[v, OWN] if constraints.kind[v] == SLIDING else i == 1:
         return -1
@@ -181,7 +184,8 @@ def merged(descent, higher, v, w):
     The value is inf if an element is inverted. The rows of the block are then the remaining elements. In nonlinear
     materials the minimum is approximated by one step of Newton's method.
     """
-    x, nonlinear = xy(descent.position, w), descent.trial.nonlinear[v]
+    x = xy(descent.position, w)
+    nonlinear = descent.trial.nonlinear[v]
     if len(higher) == 0:
         return linear_merged(descent.position, descent.star, descent.trial, v, w)
     gather_merged(descent, v, w)
@@ -262,7 +266,8 @@ def exchange(mesh, descents, higher, offers, edges, nodes, floor):
         p = split(mesh, e, k, x, parameter)
         for i in range(descents.terms):
             descent = term_of(descents, i)
-            descent.trial.value[p], descent.trial.fixed[p] = descent.block.own[0] + descent.block.local[0, 0], known
+            descent.trial.value[p] = descent.block.own[0] + descent.block.local[0, 0]
+            descent.trial.fixed[p] = known
             if len(higher) > 0:
                 put_halves(mesh, descent, p)
         lock_around(mesh, p, locked)

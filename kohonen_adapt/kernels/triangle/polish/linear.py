@@ -53,18 +53,22 @@ def derivatives(position, star, trial, v):
     magnitude, total, gradient, by_w, hessian, mixed, ww
         Sum of magnitudes of all terms, functional, and derivatives by (x, y), w, (xx, xy, yy), (xw, yw) and ww.
     """
-    x, own = xy(position, v), trial.value[v]
+    x = xy(position, v)
+    own = trial.value[v]
     magnitude = total = by_w = ww = 0.0
-    gradient, hessian = (0.0, 0.0), ZERO
+    gradient = (0.0, 0.0)
+    hessian = ZERO
     mixed = (0.0, 0.0)
     for j in rows_of(star, v):
         e, i, k = star.element[j], star.ahead[j], star.behind[j]
         a, b = from_to(x, position, i), from_to(x, position, k)
         alpha, beta = trial.value[i] - own, trial.value[k] - own
-        edge, difference = minus(b, a), alpha - beta
+        edge = minus(b, a)
+        difference = alpha - beta
         inwards, doubled = turned(edge), cross(a, b)  # D and its derivative by the position
         inverse = 1.0 / doubled
-        weight, load = trial.data[e, HALF_COEFFICIENT] * inverse, trial.data[e, SIXTH_SOURCE]
+        weight = trial.data[e, HALF_COEFFICIENT] * inverse
+        load = trial.data[e, SIXTH_SOURCE]
         flux = turned(half_flux(trial.data, e, x, a, b))
         n = weighted(beta, a, -alpha, b)
         q = times(inverse, n)
@@ -76,12 +80,14 @@ def derivatives(position, star, trial, v):
             weight, energy = rate * inverse, 0.5 * doubled * density
             # additions to the terms of a constant coefficient: the rest of W times the area, and d2W/ds2 along grad u
             rest, curve = 0.5 * density - 0.5 * rate * dot(q, q), 2.0 * curve * inverse
-            square, square_w = (dot(q, n_x), dot(q, n_y)), dot(q, edge)
+            square = (dot(q, n_x), dot(q, n_y))
+            square_w = dot(q, edge)
             gradient = plus_times(gradient, rest, inwards)
             hessian = plus_square(hessian, curve, square)
             mixed = plus_times(mixed, square_w, times(curve, square))
             ww += curve * square_w * square_w
-        pull, push = load * doubled * (alpha + beta), -dot(flux, n)
+        pull = load * doubled * (alpha + beta)
+        push = -dot(flux, n)
         magnitude += energy + abs(pull) + abs(push)
         total += energy - pull - push
         change = times(weight, weighted(difference, n, -0.5 * dot(q, n), inwards))
@@ -117,12 +123,14 @@ def of_triangle(position, trial, laws, e, i, j, x, own, w):
     weight, load = trial.data[e, HALF_COEFFICIENT] / doubled, doubled * trial.data[e, SIXTH_SOURCE]
     flux, n = turned(half_flux(trial.data, e, x, a, b)), plus_times(weighted(beta, a, -alpha, b), w, edge)
     along, square = dot(edge, n), dot(n, n)
-    energy, curve_term = 0.5 * weight * square, 0.0
+    energy = 0.5 * weight * square
+    curve_term = 0.0
     if len(laws) > 0 and trial.laws.number[e] >= 0:
         density, rate, curve = energy_density(trial.laws, trial.laws.number[e], square / (doubled * doubled))
         energy, weight = 0.5 * doubled * density, rate / doubled
         curve_term = 2.0 * curve * along * along / (doubled * doubled * doubled)
-    pull, magnitude = load * (alpha + beta + w), 0.0
+    pull = load * (alpha + beta + w)
+    magnitude = 0.0
     if len(laws) > 0:
         magnitude = energy + abs(pull) + abs(dot(flux, n))
     total, slope = plus_dot(energy - pull, flux, n), plus_dot(weight * along - load, flux, edge)
@@ -216,7 +224,8 @@ def change_by_split(descent, e, k, x):
 def change_by_flip(descent, e, k, other):
     trial, node, position = descent.trial, descent.elements.node, descent.position
     p, q, r, s = corners_around(node, e, k, other)
-    x, own = xy(position, r), trial.value[r]
+    x = xy(position, r)
+    own = trial.value[r]
     at_p, at_q, at_s = from_to(x, position, p), from_to(x, position, q), from_to(x, position, s)
     u, v, w = trial.value[p] - own, trial.value[q] - own, trial.value[s] - own
     s_to_p, s_to_q = minus(at_p, at_s), minus(at_q, at_s)
@@ -238,7 +247,8 @@ def change_by_flip(descent, e, k, other):
 @inner_kernel
 def stored(trial, e, a, u, b, v, doubled):
     """Return the energy on (0, a, b) for the nodal values 0, u, v."""
-    n, law = weighted(v, a, -u, b), trial.laws.number[e]
+    n = weighted(v, a, -u, b)
+    law = trial.laws.number[e]
     if law >= 0:
         return 0.5 * doubled * energy_density(trial.laws, law, dot(n, n) / (doubled * doubled))[0]
     return 0.5 * trial.data[e, HALF_COEFFICIENT] * dot(n, n) / doubled
@@ -247,7 +257,8 @@ def stored(trial, e, a, u, b, v, doubled):
 @inner_kernel
 def merged(position, star, trial, v, w):
     """Return the functional around `v` merged into `w`, inf if inverted."""
-    x, own = xy(position, w), trial.value[v]
+    x = xy(position, w)
+    own = trial.value[v]
     total = 0.0
     for row in rows_of(star, v):
         e, a, b = star.element[row], star.ahead[row], star.behind[row]

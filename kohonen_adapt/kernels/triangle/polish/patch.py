@@ -57,7 +57,8 @@ def term_of(descents, i):
 @inner_kernel
 def number_unknowns(descent, has_value):
     """Number the unknowns of the block, from 1 without a value at the centre."""
-    block, degrees = descent.block, descent.modes.side.shape[2]
+    block = descent.block
+    degrees = descent.modes.side.shape[2]
     dof, sign = block.dof, block.sign
     rows = block.size[ROWS]
     sides = 0
@@ -68,7 +69,8 @@ def number_unknowns(descent, has_value):
         for side in range(1, 3 if degrees > 0 else 1):  # from the end behind, opposite to corner 1, and ahead
             if block.held[j, side]:
                 continue
-            other, s = block.end[j, 3 - side], 0
+            other = block.end[j, 3 - side]
+            s = 0
             while s < sides and block.far_end[s] != other:
                 s += 1
             if s == sides:
@@ -76,7 +78,8 @@ def number_unknowns(descent, has_value):
                 sides += 1
             dof[j, EVEN + side] = 1 + degrees * s
             if degrees == 2:
-                dof[j, ODD + side], sign[j, ODD + side] = 2 + 2 * s, 1.0 if side == 2 else -1.0
+                dof[j, ODD + side] = 2 + 2 * s
+                sign[j, ODD + side] = 1.0 if side == 2 else -1.0
     count = 1 + degrees * sides
     if degrees == 2:
         for j in range(rows):
@@ -114,7 +117,8 @@ def derivatives(descent, x, wanted):
         for j in range(i + 1):
             block.stiffness[i, j] = 0.0
     magnitude = total = 0.0
-    gradient, hessian = (0.0, 0.0), ZERO
+    gradient = (0.0, 0.0)
+    hessian = ZERO
     for j in range(block.size[ROWS]):
         a, b = from_to(x, position, block.end[j, 1]), from_to(x, position, block.end[j, 2])
         if block.special[j] or descent.trial.laws.number[block.element[j]] >= 0:
@@ -136,9 +140,11 @@ def add_linear(trial, reference, block, j, a, b, wanted):
     edge = minus(b, a)
     functions = mean.shape[0]
     doubled = cross(a, b)
-    inverse, inwards = 1.0 / doubled, turned(edge)
+    inverse = 1.0 / doubled
+    inwards = turned(edge)
     load = 6.0 * trial.data[e, SIXTH_SOURCE]
-    weight, flux = inverse * trial.data[e, HALF_COEFFICIENT], (trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y])
+    weight = inverse * trial.data[e, HALF_COEFFICIENT]
+    flux = (trial.data[e, HALF_FLUX_X], trial.data[e, HALF_FLUX_Y])
     aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
     first = both = second = slope_1 = slope_2 = level = 0.0
     for i in range(functions):
@@ -153,7 +159,8 @@ def add_linear(trial, reference, block, j, a, b, wanted):
             continue
         one, two = terms[0], terms[2]
         along, turn = aa * two - ab * terms[1] + bb * one, mean[i, 0] - mean[i, 1]
-        flow, pulled = cross(weighted(mean[i, 1], a, -mean[i, 0], b), flux), load * reference.mean[i]
+        flow = cross(weighted(mean[i, 1], a, -mean[i, 0], b), flux)
+        pulled = load * reference.mean[i]
         block.rest[row] += sign[j, i] * (weight * along - flow - pulled * doubled)
         if wanted == POSITION:
             along_a, along_b = weight * (terms[1] - 2.0 * two), weight * (2.0 * one - terms[1])
@@ -164,8 +171,10 @@ def add_linear(trial, reference, block, j, a, b, wanted):
             if column >= 0:
                 entry = aa * product[i, other, 2] - ab * product[i, other, 1] + bb * product[i, other, 0]
                 block.stiffness[max(row, column), min(row, column)] += weight * sign[j, i] * sign[j, other] * entry
-    difference, m = slope_1 - slope_2, weighted(slope_2, a, -slope_1, b)
-    push, pull = cross(m, flux), load * level * doubled
+    difference = slope_1 - slope_2
+    m = weighted(slope_2, a, -slope_1, b)
+    push = cross(m, flux)
+    pull = load * level * doubled
     square, squared = aa * second - ab * both + bb * first, first - both + second  # means of n.n and (G1 - G2)^2
     energy = 0.5 * weight * square
     magnitude, total = energy + abs(push) + abs(pull), energy - push - pull

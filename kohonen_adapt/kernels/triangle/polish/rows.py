@@ -52,7 +52,8 @@ def take_side(descent, j, i, e, k):
 
 @inner_kernel
 def take_offset(descent, j, i, e, k):
-    block, offset = descent.block, xy(descent.shapes.offset[e], k)
+    block = descent.block
+    offset = xy(descent.shapes.offset[e], k)
     put(block.offset[j], i, offset)
     block.special[j] |= offset[0] != 0.0 or offset[1] != 0.0
 
@@ -60,7 +61,8 @@ def take_offset(descent, j, i, e, k):
 @inner_kernel
 def add_own_row(descent, e, v):
     """Add element `e` of node `v`."""
-    block, k = descent.block, corner_of(descent.elements.node, e, v)
+    block = descent.block
+    k = corner_of(descent.elements.node, e, v)
     a, b = ends_of(descent.elements.node, e, k)
     j = add_row(descent, e, a, b)
     for i in range(3):

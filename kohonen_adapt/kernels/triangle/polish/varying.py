@@ -84,7 +84,8 @@ def source_at(data, e, x, wanted):
     along, aside = minus(x, centre_of(data, e))
     u = data[e, X_BY_X] * along + data[e, X_BY_Y] * aside
     v = data[e, Y_BY_X] * along + data[e, Y_BY_Y] * aside
-    count, degree = data.shape[1] - SOURCE_TERMS, 0
+    count = data.shape[1] - SOURCE_TERMS
+    degree = 0
     while (degree + 1) * (degree + 2) < 2 * count:
         degree += 1
     value = by_u = by_v = uu = uv = vv = 0.0
@@ -123,14 +124,17 @@ def with_source(part, descent, j, x, a, b, wanted):
         kind = axis_kind(x[0], a[0], b[0]) if descent.shapes.around else 0
     for q in range(points.last[kind, 0]):
         lead, second, third = points.share[kind, q, 0], points.share[kind, q, 1], points.share[kind, q, 2]
-        there, level = plus_times(plus_times(x, second, a), third, b), 0.0
+        there = plus_times(plus_times(x, second, a), third, b)
+        level = 0.0
         p, r = a, b
         for k in range(3 if special else 0):
-            side, midside = points.side[kind, q, k], xy(block.offset[j], k)
+            side = points.side[kind, q, k]
+            midside = xy(block.offset[j], k)
             there = plus_times(there, side[0], midside)
             p, r = plus_times(p, side[1], midside), plus_times(r, side[2], midside)
         f, (f_x, f_y), (f_xx, f_xy, f_yy) = source_at(data, e, there, wanted)
-        doubled, w = cross(p, r), 0.5 * points.weight[kind, q]
+        doubled = cross(p, r)
+        w = 0.5 * points.weight[kind, q]
         (ex, ey) = minus(r, p)
         # derivatives of f D by the position of the first corner
         rate = w * (doubled * lead * f_x - f * ey), w * (doubled * lead * f_y + f * ex)
