@@ -43,9 +43,8 @@ class KohonenMap:
         A `skfem.MeshTri`, a `skfem.MeshTri2`, of which the corners are neurons, or a `skfem.MeshTet`. The mesh is not
         modified.
     topology
-        ``"flip"`` keeps every region constrained Delaunay by flips between epochs; where three interfaces meet, an
-        element may change its side of an interface to let a neuron leave the junction. Elements of a `skfem.MeshTet`
-        are swapped while this raises the worst quality involved. ``"fixed"`` keeps the elements.
+        ``"flip"`` keeps every region constrained Delaunay by flips between epochs. Elements of a `skfem.MeshTet` are
+        swapped while this raises the worst quality involved. ``"fixed"`` keeps the elements.
     metric
         Symmetric positive definite tensors of the elements of `mesh`, shape (nelements, d, d). Then the winner is the
         neuron that is nearest in the metric of the training point, and edges flip to Delaunay's rule in the metric.

@@ -33,7 +33,7 @@ def test_a_good_mesh(capsys):
     assert lines[4].endswith(f"mean {value.mean():.3g}")
     assert lines[5].startswith("smallest angle: ")
     assert lines[6] == "boundaries and interfaces: 22 segments, 22 straight, 0 on arcs, 0 closed"
-    assert lines[7].startswith("nodes: ") and lines[7].endswith(" 20 at corners, 0 fixed")
+    assert lines[7].startswith("nodes: ") and lines[7].endswith(" 16 at corners, 4 fixed")
     assert lines[8:] == ["No faults found."]
 
 

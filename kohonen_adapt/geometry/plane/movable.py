@@ -21,7 +21,7 @@ from kohonen_adapt.geometry.plane.outline import Outline, run_along
 from kohonen_adapt.geometry.rules import Rules
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle.arrays import HELD, JUNCTION, Constraints, Elements
+from kohonen_adapt.kernels.triangle.arrays import HELD, Constraints, Elements
 from kohonen_adapt.kernels.triangle.flip import flip_edges, mark_non_delaunay
 from kohonen_adapt.mesh.curved import is_second_order, offsets_of_sides, with_midside_offsets
 from kohonen_adapt.mesh.host import facets_opposite
@@ -138,7 +138,7 @@ class MovableMesh(Movable):
             "elements.neighbour": (-1, m),
             "elements.region": (0, len(self.triangulation.elements.layered)),
             "elements.chain": (-1, chains),
-            "constraints.chain": (JUNCTION, chains),
+            "constraints.chain": (-1, chains),
             "twins.partner": (-1, n),
             "twins.motion": (-1, motions),
         }

@@ -42,7 +42,6 @@ from kohonen_adapt.geometry.rules import Rules, checked_curves, pinned_nodes
 from kohonen_adapt.kernels.triangle.arrays import (
     FREE,
     HELD,
-    JUNCTION,
     OTHER,
     OWN,
     ROUND,
@@ -105,7 +104,7 @@ class Outline:
         occupied &= ~found.sliding
         constraints = Constraints(
             kind=kinds_of(facets, found.sliding, pinned),
-            chain=chains_of_nodes(facets, found.joints, chain, found.sliding, occupied, rules.flips),
+            chain=chains_of_nodes(facets, found.joints, chain, found.sliding, occupied),
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
             chains=chains_of(position, polylines, segments, curves, found.midsides.offset),
@@ -153,9 +152,9 @@ class Outline:
         return self.constraints.chains.shape == ROUND
 
     def nodes_by_freedom(self) -> dict[str, Mask]:
-        kind, (one, other) = self.constraints.kind, self.constraints.chain.T
+        kind, other = self.constraints.kind, self.constraints.chain[:, OTHER]
         held = kind == HELD
-        jumps = (other >= 0) | (one == JUNCTION)
+        jumps = other >= 0
         return {
             "free": kind == FREE,
             "sliding": kind == SLIDING,
@@ -242,19 +241,15 @@ def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> Int8s:
     return kind
 
 
-def chains_of_nodes(
-    facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask, junctions: bool
-) -> Int32s:
+def chains_of_nodes(facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask) -> Int32s:
     """Return the two curve segments of every node, -1 for none, shape (n, 2).
 
-    Both columns of a sliding node hold its segment. A corner of two segments holds both, and a corner of three holds
-    JUNCTION if `junctions`. Nodes of the mask `occupied`, shape (n,), hold -1, because no other node may take over
-    their corner: pinned nodes, and nodes of periodic boundaries that do not slide.
+    Both columns of a sliding node hold its segment, and a corner of two segments holds both. Nodes of the mask
+    `occupied`, shape (n,), hold -1, because no other node may take over their corner: pinned nodes, and nodes of
+    periodic boundaries that do not slide.
     """
     chains = np.full((len(sliding), 2), -1, np.int32)
     chains[joints.node] = chain[joints.facets]
-    if junctions:
-        chains[np.bincount(facets.nodes.ravel(), minlength=len(chains)) == 3, OWN] = JUNCTION
     chains[occupied] = -1
     chains[(chains[:, OWN] == chains[:, OTHER]) & ~sliding] = -1  # the corner of a loop has no second segment
     return chains

@@ -16,7 +16,6 @@ from kohonen_adapt.kernels.numba.compilation import record
 
 FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments
-JUNCTION = -2  # instead of a segment, for a node at which three segments meet
 
 # Columns of tables
 OWN, OTHER = 0, 1  # of `Constraints.chain`
@@ -135,7 +134,7 @@ class PeriodicPairs(NamedTuple):
 @record
 class Constraints(NamedTuple):
     kind: Array  # (n,) int8: FREE, SLIDING or HELD
-    chain: Array  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none, or JUNCTION
+    chain: Array  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none
     parameter: Array  # (n,): position on the segment
     inner: Array  # (n,) bool: in the interior of a region, with all neighbours in the closed region
     chains: Chains
@@ -144,7 +143,7 @@ class Constraints(NamedTuple):
 
     @property
     def own_chain(self) -> Array:
-        """Segment on which a node slides, else -1, JUNCTION or the first one of a corner."""
+        """Segment on which a node slides, else -1 or the first segment of a corner."""
         return self.chain[:, OWN]
 
 

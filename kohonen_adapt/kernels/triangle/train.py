@@ -5,13 +5,11 @@ sections II and III. A corner passes from a node to a neighbour, so that nodes m
 3).
 """
 
-import numpy as np
-
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, JUNCTION, OTHER, OWN, PAIRED, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, OWN, PAIRED, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
     distance_to_chain,
@@ -23,7 +21,7 @@ from kohonen_adapt.kernels.triangle.chains import (
     slide_pair,
     within_reach,
 )
-from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of
+from kohonen_adapt.kernels.triangle.geometry import allowed
 from kohonen_adapt.kernels.triangle.guard import may_move, star_tolerable, worst_around
 from kohonen_adapt.kernels.vectors import dot, minus, plus_times, put, xy
 
@@ -77,8 +75,6 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                 else:
                     if constraints.chain[v, OTHER] >= 0:
                         jump(mesh, v, x, step, floor)
-                    elif ring == 0 and constraints.chain[v, OWN] == JUNCTION:  # winners only, or junctions would drift
-                        jump_at_junction(mesh, v, x, step, floor)
                     continue
                 if star_tolerable(position, star, metric, v, there, floor) or (
                     not is_valid[v] and may_move(position, star, metric, v, there, floor)
@@ -222,68 +218,6 @@ def jump(mesh, v, x, step, floor):
         return
     hand_over(constraints, v, next_node, onto, away, parameter)
     relabel_edge(elements, star, v, next_node, onto)
-
-
-@inner_kernel
-def jump_at_junction(mesh, v, x, step, floor):
-    """Move node `v` from a junction of three segments onto the nearest segment.
-
-    A neighbour on a second segment takes the junction if a single element lies between the second and the third
-    segment. The edge of the element from `v` to the third segment is then free, the edge from the neighbour is the end
-    of the third segment, and the element changes its region.
-    """
-    position, elements, star, constraints = mesh.position, mesh.elements, mesh.star, mesh.constraints
-    chains, onto = constraints.chains, -1
-    least, target = np.inf, 0.0
-    for k in rows_of(star, v):
-        for j in range(3):
-            c = elements.chain[star.element[k], j]
-            if c < 0 or elements.node[star.element[k], j] == v:
-                continue
-            distance, parameter = distance_to_chain(chains, c, x, parameter_of(position, constraints, c, v))
-            if distance < least:
-                onto, least, target = c, distance, parameter
-    corner = parameter_of(position, constraints, onto, v)
-    parameter = corner + step * (target - corner)
-    if parameter == corner:
-        return
-    for k in rows_of(star, v):
-        e = star.element[k]
-        ahead, behind = star.ahead[k], star.behind[k]
-        for next_node, other in ((ahead, behind), (behind, ahead)):
-            if not may_follow(mesh, e, v, next_node, other, onto):
-                continue
-            if swap_nodes(position, star, constraints, v, next_node, onto, parameter, floor):
-                third = chain_of_edge(elements, e, next_node)
-                hand_over(constraints, v, next_node, JUNCTION, -1, parameter)
-                constraints.chain[v, OWN] = onto
-                elements.region[e] = elements.region[elements.neighbour[e, corner_of(elements.node, e, next_node)]]
-                relabel_edge(elements, star, v, next_node, onto)
-                relabel_edge(elements, star, v, other, -1)
-                relabel_edge(elements, star, next_node, other, third)
-                return
-
-
-@inner_kernel
-def may_follow(mesh, e, v, next_node, other, onto):
-    position, elements, constraints = mesh.position, mesh.elements, mesh.constraints
-    away, third = chain_of_edge(elements, e, other), chain_of_edge(elements, e, next_node)
-    if away < 0 or third < 0 or onto == away or onto == third or away == third:  # noqa: SIM109 (numba lacks `in` here)
-        return False
-    if chain_of_edge(elements, e, v) >= 0:
-        return False
-    if constraints.kind[next_node] != SLIDING or constraints.chain[next_node, OWN] != away:
-        return False
-    if elements.level[next_node] != elements.level[v]:
-        return False
-    if elements.neighbour[e, corner_of(elements.node, e, next_node)] < 0:
-        return False
-    return within_reach(mesh, away, next_node, xy(position, v))
-
-
-@inner_kernel
-def chain_of_edge(elements, e, v):
-    return elements.chain[e, corner_of(elements.node, e, v)]
 
 
 @inner_kernel
