@@ -73,8 +73,7 @@ class Rules:
         Pairs of boundary names, as ``[("left", "right")]``, for periodic and antiperiodic conditions. A translation or
         rotation must map the nodes of the first boundary onto the nodes of the second; the moved nodes still match. If
         several motions do so, as between circles, the third entry of a pair selects one: a `Rotation` (in radians),
-        `Translation` or `Reflection`, as in ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed. A
-        training point near one boundary also attracts nodes near the other, provided that the mesh continues there.
+        `Translation` or `Reflection`, as in ``("rotor", "bore", ka.Rotation(0.1))``. Reflections are never guessed.
         Nodes of pairs slide with the map, and stay in the polish. The density recycles them on both sides, the energy
         does not.
     layers

@@ -76,7 +76,6 @@ class Lesson(NamedTuple):
     weights: Array  # (t,)
     winners: Array  # (t,) int32
     strength: Array  # (radius + 1,): neighbourhood function, from ring 0 to the radius
-    ends: Array  # (radius + 2,) int64: scratch for the ends of the rings in the queue
 
 
 @record

@@ -229,9 +229,9 @@ class Trainer:
         strength = stage.strength()
 
         def task(thread: int, first: int, last: int) -> tuple[int, int]:
-            part, ends = slice(first, last), np.empty(stage.radius + 2, np.int64)
+            part = slice(first, last)
             shown = batch.points[part], batch.region[part], batch.weights[part], winners[part]
-            lesson = Lesson(*shown, strength, ends)
+            lesson = Lesson(*shown, strength)
             return self.method.learn(self.neurons, lesson, rate, floor, is_valid, self.scratch[thread])
 
         refused = shared(task, starts_of_threads(cuts[:-1]))

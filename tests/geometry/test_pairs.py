@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from helpers.meshes import BOTH, SIDES, apart, cell, disk, peak_at, ring, slit, square
-from helpers.paired import mismatch, nodes_of
+from helpers.paired import mismatch
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import KohonenMap, Schedule, Stage
+from kohonen_adapt import KohonenMap
 
 
 @pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
@@ -124,38 +124,6 @@ def test_circles_stay_matched_by_the_motion_named(make, pair, topology):
     assert_allclose(np.hypot(*mesh.p[:, nodes]), radius, rtol=1e-14)
     spacing = np.diff(np.sort(np.arctan2(*mesh.p[::-1, nodes])))
     assert spacing.max() > 1.2 * spacing.min()  # they slid
-
-
-BESIDE = np.array([[0.02], [0.47]])
-SIXTH = ka.Rotation(np.pi / 6)
-REACHED = {  # mesh, pair, point, and whether the mesh goes on beyond the side
-    "side": (lambda: square(8).with_boundaries(SIDES), ("left", "right", ka.Translation((1.0, 0.0))), BESIDE, True),
-    "circle": (lambda: rotor_and_stator(2), (*ROTOR_AND_STATOR[0], SIXTH), np.array([[0.48], [0.0048]]), True),
-    "mirror": (lambda: sides_of(unit_at(0.0, 8), unit_at(3.0, 8)), ("0 left", "1 left", MIRROR), BESIDE, True),
-    "fold": (
-        lambda: sides_of(unit_at(0.0, 8), unit_at(3.0, 8)),
-        ("0 left", "1 left", ka.Translation((3.0, 0.0))),
-        BESIDE,
-        False,
-    ),
-}
-
-
-@pytest.mark.parametrize("case", REACHED)
-def test_a_point_beside_one_side_reaches_what_lies_beside_the_other(case):
-    """Ring 1 of the winner's partner goes half of its way to the image of the point."""
-    build, pair, x, goes_on = REACHED[case]
-    mesh, (one, other, motion) = build(), pair
-    image, (apart, far) = moved_by(motion)(x), (nodes_of(mesh, name) for name in (one, other))
-    around = np.isin(mesh.t, far).any(axis=0)
-    beyond = np.setdiff1d(mesh.t[:, around], np.concatenate([apart, far]))
-    beyond = beyond[np.hypot(*(mesh.p[:, beyond] - image)) < np.hypot(*(mesh.p[:, beyond] - x))]
-    som = KohonenMap(mesh, topology="fixed", periodic=[pair])
-    som.train(x, Schedule((Stage(1, 1, 0.5, neighbourhood="flat"),)))
-    moved = beyond[np.any(som.mesh.p[:, beyond] != mesh.p[:, beyond], axis=0)]
-    assert (len(moved) > 0) == goes_on
-    assert_allclose(som.mesh.p[:, moved], 0.5 * (mesh.p[:, moved] + image), atol=1e-15)
-    assert mismatch(som.mesh, one, other, moved_by(motion)) < 1e-15
 
 
 def sides_of(*meshes):

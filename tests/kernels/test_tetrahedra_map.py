@@ -50,7 +50,7 @@ class Map:
             start = self.elements.node[self.elements.region == r[0]][0, :1]
             winners, distances = self.search(x, r, start)
             mark_valid(self.position, self.neurons.star, self.floor, 0, len(is_valid), is_valid)
-            lesson = Lesson(x, r, np.ones(1), winners, np.array(strength), np.empty(len(strength) + 1, dtype=np.int64))
+            lesson = Lesson(x, r, np.ones(1), winners, np.array(strength))
             learn(self.neurons, lesson, rate, self.floor, is_valid, self.scratch)
             found.append(distances[0])
         return found

@@ -108,7 +108,7 @@ class Outline:
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
             chains=chains_of(position, polylines, segments, curves, found.midsides.offset),
-            periodic=periodic_pairs_of(triangulation, facets, pairs),
+            periodic=PeriodicPairs(pairs.partner, pairs.motion, pairs.motions),
         )
         find_parameters(position, constraints, polylines.node, segments)
         match_pairs(constraints, pairs, chain)
@@ -214,14 +214,6 @@ def segmented(
         if len(unmatched) == 0:
             return Segmented(midsides, joints, polylines, segments, sliding)
         stops[unmatched] = True
-
-
-def periodic_pairs_of(triangulation: Triangulation, facets: Facets, pairs: Pairs) -> PeriodicPairs:
-    region = triangulation.elements.region
-    there = np.full((len(pairs.motions), region.max() + 1), -1, np.int32)
-    rows = np.flatnonzero((pairs.facet >= 0) & np.append(pairs.continues, False)[pairs.facet_motion])
-    there[pairs.facet_motion[rows], region[facets.element[rows]]] = region[facets.element[pairs.facet[rows]]]
-    return PeriodicPairs(pairs.partner, pairs.motion, pairs.motions, there)
 
 
 def match_pairs(constraints: Constraints, pairs: Pairs, chain: Ints) -> None:

@@ -239,7 +239,6 @@ class Pairs(NamedTuple):
     partner: Int32s  # (n,) partner of the node, -1 for none
     motion: Int32s  # (n,) index of the motion onto the partner, -1 for none
     motions: Floats  # (k, 2, 3) motions [A | b], each followed by its inverse
-    continues: Mask  # (k,) True if the moved mesh continues the mesh, False if both overlap
     facet: Ints  # (f,) partner of the facet, -1 for none
     facet_motion: Ints  # (f,) index of the motion onto the partner, -1 for none
 
@@ -247,7 +246,7 @@ class Pairs(NamedTuple):
 def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[Pair]) -> Pairs:
     n = triangulation.nnodes
     partner, motion = np.full(n, -1, np.int32), np.full(n, -1, np.int32)
-    facet_motion, motions, continues = np.full(len(facets.element), -1), list[Floats](), list[bool]()
+    facet_motion, motions = np.full(len(facets.element), -1), list[Floats]()
     for one, other, named in checked_pairs(triangulation.mesh, periodic):
         match = match_of(triangulation, facets, one, other, named)
         moved = match.nodes != match.images
@@ -259,11 +258,8 @@ def find_pairs(triangulation: Triangulation, facets: Facets, periodic: Sequence[
             partner[v], motion[v] = w, len(motions)
             facet_motion[facets.sides[name] > 0] = len(motions)
             motions.append(step)
-            continues.append(match.continues)
     partners = np.where(facet_motion >= 0, partner_facets(facets, partner), -1)
-    return Pairs(
-        partner, motion, np.array(motions).reshape(-1, 2, 3), np.array(continues, bool), partners, facet_motion
-    )
+    return Pairs(partner, motion, np.array(motions).reshape(-1, 2, 3), partners, facet_motion)
 
 
 def sliding_pairs(constraints: Constraints) -> IntsPair:

@@ -40,7 +40,7 @@ SEARCH_SCRATCH = record_type(arrays.SearchScratch, (L1, L1, L1, I1, I1, R1, I2))
 GRID = record_type(grid.Grid, (R1, R1, L1, L1, I1))
 LAWS = record_type(functionals.Laws, (I1, int64, R3))
 MODES = record_type(arrays.Modes, (R3, R1, boolean[:, ::1]))
-LESSON = record_type(arrays.Lesson, (R2, I1, R1, I1, R1, L1))
+LESSON = record_type(arrays.Lesson, (R2, I1, R1, I1, R1))
 
 
 class Entry:

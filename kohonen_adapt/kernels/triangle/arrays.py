@@ -128,7 +128,6 @@ class PeriodicPairs(NamedTuple):
     partner: Array  # (n,) int32: partner node, -1 for none
     motion: Array  # (n,) int32: motion that maps the node to its partner, -1 for none
     motions: Array  # (motions, 2, 3): x -> A x + b as rows [A | b]
-    region: Array  # (motions, r) int32: region that continues a region after a motion, -1 for none
 
 
 @record

@@ -17,13 +17,12 @@ from kohonen_adapt.kernels.triangle.chains import (
     parameter_of,
     point_at,
     signed_distance,
-    slide,
     slide_pair,
     within_reach,
 )
 from kohonen_adapt.kernels.triangle.geometry import allowed
 from kohonen_adapt.kernels.triangle.guard import may_move, star_tolerable, worst_around
-from kohonen_adapt.kernels.vectors import dot, minus, plus_times, put, xy
+from kohonen_adapt.kernels.vectors import minus, plus_times, put, xy
 
 
 @kernel
@@ -35,14 +34,12 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
     """
     position, star, constraints = mesh.position, mesh.star, mesh.constraints
     points, region, weights, winners = lesson.points, lesson.region, lesson.weights, lesson.winners
-    strength, rings = lesson.strength, lesson.ends
+    strength = lesson.strength
     kind, chains, metric = constraints.kind, constraints.chains, constraints.metric
     queue, stamps = scratch.queue, scratch.node_stamp
     radius = strength.shape[0] - 1
     parameter = 0.0
     by_quality, by_reach = 0, 0
-    periodic = constraints.periodic.motions.shape[0] > 0
-    rings[0] = 0
     for t in range(points.shape[0]):
         x = xy(points, t)
         stamp, rate_of_point = next_stamp(scratch), min(1.0, rate * weights[t])
@@ -54,7 +51,6 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                 end = gather_ring(mesh, region[t], queue, first, last, stamps, stamp)
                 first, last = last, end
             step = rate_of_point * strength[ring]
-            rings[ring + 1] = last
             for i in range(first, last):  # moves are inlined, because calls would take longer
                 v = queue[i]
                 if kind[v] == FREE:
@@ -84,8 +80,6 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                         constraints.parameter[v] = parameter
                 else:
                     by_quality += 1
-        if periodic:
-            learn_across_boundary(mesh, x, region[t], rate_of_point, strength, rings, floor, scratch)
     return by_quality, by_reach
 
 
@@ -111,52 +105,6 @@ def gather_ring(mesh, region, queue, first, last, stamps, stamp):
                     queue[end] = other
                     end += 1
     return end
-
-
-@inner_kernel
-def learn_across_boundary(mesh, x, region, rate, strength, rings, floor, scratch):
-    """Move nodes beyond a periodic boundary towards the image of a point.
-
-    Ring r of the nodes on this side is ``scratch.queue[rings[r] : rings[r + 1]]``. The rings beyond the boundary begin
-    at the partners of these nodes with equal r. The partners themselves have moved already.
-    """
-    periodic, queue, stamps = mesh.constraints.periodic, scratch.queue, scratch.node_stamp
-    reached = rings[-1]
-    for m in range(periodic.motions.shape[0]):
-        there = periodic.region[m, region]
-        stamp = next_stamp(scratch)
-        if there < 0:
-            continue
-        motion = periodic.motions[m]
-        image = dot(xy(motion, 0), x) + motion[0, 2], dot(xy(motion, 1), x) + motion[1, 2]
-        first, last = reached, reached
-        for ring in range(strength.shape[0]):
-            if last > first:
-                end = gather_ring(mesh, there, queue, first, last, stamps, stamp)
-                first, last = last, end
-                for i in range(first, last):
-                    v = queue[i]
-                    step = rate * strength[ring]
-                    move_to_image(mesh, v, image, step, floor)
-            for i in range(rings[ring], rings[ring + 1]):
-                v = queue[i]
-                if periodic.motion[v] == m and stamps[periodic.partner[v]] != stamp:
-                    stamps[periodic.partner[v]] = stamp
-                    queue[last] = periodic.partner[v]
-                    last += 1
-
-
-@inner_kernel
-def move_to_image(mesh, v, x, step, floor):
-    position, constraints = mesh.position, mesh.constraints
-    chain = constraints.chain[v, OWN]
-    if constraints.kind[v] == FREE:
-        before = xy(position, v)
-        there = plus_times(before, step, minus(x, before))
-        if may_move(position, mesh.star, constraints.metric, v, there, floor):
-            put(position, v, there)
-    elif constraints.kind[v] == SLIDING and not constraints.chains.flags[chain, PAIRED]:
-        slide(mesh, v, stepped_parameter(constraints, chain, v, x, step), floor)
 
 
 @inner_kernel
