@@ -107,7 +107,9 @@ def set_lines(table: Chains, rows: Ints | list[int], start: Floats, end: Floats)
     chord = end - start
     length = np.sqrt(np.sum(chord**2, axis=1))
     with np.errstate(invalid="ignore"):  # the chord of a closed segment is 0; its direction is set later
-        table.origin[rows], table.direction[rows], table.length[rows] = start, chord / length[:, None], length
+        table.direction[rows] = chord / length[:, None]
+    table.origin[rows] = start
+    table.length[rows] = length
 
 
 def set_arcs(table: Chains, segments: Segments, angle: Floats, longest: Floats) -> None:
@@ -144,7 +146,9 @@ def chord_of(radius: Any, angle: Any) -> Any:
 def set_spline(table: Chains, p: int, knots: Floats, longest: float) -> None:
     position = knots[:, POSITION]
     rate = as_complex(knots[:, DERIVATIVE])
-    table.shape[p], table.origin[p], table.length[p] = TABLED, position[0], knots[-1, AT]
+    table.shape[p] = TABLED
+    table.origin[p] = position[0]
+    table.length[p] = knots[-1, AT]
     table.direction[p] = knots[0, DERIVATIVE] / np.sqrt(np.sum(knots[0, DERIVATIVE] ** 2))
     curvature = np.max(np.abs(angles(rate)) / np.diff(knots[:, AT]))
     radius = 1.0 / curvature if curvature > 0.0 else np.inf

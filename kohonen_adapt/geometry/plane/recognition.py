@@ -90,7 +90,9 @@ def joints_on_curves(joints: Joints, midsides: Midsides, curve: Ints) -> tuple[J
     circle = np.full((len(curve), 4), np.nan)
     if not midsides.any_curved:
         return joints, circle
-    points, by_midsides, (one, other) = midsides.points, curve == BY_MIDSIDES, joints.facets.T
+    points = midsides.points
+    by_midsides = curve == BY_MIDSIDES
+    one, other = joints.facets.T
     on_circle = are_on_circle(points[:, one], points[:, other]) & are_on_circle(points[:, other], points[:, one])
     linked = joints.smooth & by_midsides[one] & by_midsides[other] & on_circle
     group = connected_components_of(len(curve), joints.facets[linked])

@@ -127,7 +127,8 @@ class OpenSolid:
         return np.flatnonzero(self.mesh.elements.node[:, 0] >= 0)
 
     def renumber(self) -> None:
-        mesh, queue, (nodes, elements) = self.mesh, self.queue, self.along_curve()
+        mesh, queue = self.mesh, self.queue
+        nodes, elements = self.along_curve()
         mesh.pool.height[:] = len(mesh.position) - len(nodes), len(queue.waiting) - len(elements)
         wait_in(queue, np.flatnonzero(queue.waiting[elements]))
         nodes = np.append(nodes, np.flatnonzero(mesh.pool.anchor < 0))

@@ -153,7 +153,8 @@ def intersect_at_angle(x: Floats, meeting: Ints, patches: Patches) -> bool:
 
 
 def same_pairs(curves: Shapes, kind: Ints, position: Floats) -> Ints:
-    low, size, (shape, origin, axis, radius) = position.min(axis=0), np.ptp(position, axis=0).max(), curves
+    low, size = position.min(axis=0), np.ptp(position, axis=0).max()
+    shape, origin, axis, radius = curves
     at = origin - low
     at = np.where((shape == LINE)[:, None], at - axis * np.einsum("ij,ij->i", at, axis)[:, None], at)
     both_ways = np.einsum("ij,ik->ijk", axis, axis).reshape(len(axis), 9)
