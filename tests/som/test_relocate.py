@@ -15,11 +15,8 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 import kohonen_adapt as ka
-from kohonen_adapt import Rules, Schedule, Stage
-from kohonen_adapt.geometry.plane.movable import MovableMesh
+from kohonen_adapt import Schedule, Stage
 from kohonen_adapt.mesh.triangulation import Triangulation
-from kohonen_adapt.som.relocate import doublings_for
-from kohonen_adapt.som.training import Trainer
 from kohonen_adapt.som.training_points import density_of
 
 TOPOLOGIES = pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
@@ -100,21 +97,6 @@ def typical_worth(kind, topology, change=lambda mesh, density, seed: (mesh, dens
         own, density = change(mesh, pull(mesh), seed)
         found.append(worth(ka.relocate(own, density, topology=topology, seed=seed), density, own))
     return np.median(found, axis=0)
-
-
-def test_the_start_radius_shrinks_as_the_mesh_comes_near_the_density():
-    mesh = square(40)
-    function = lambda x: 1 / (0.01 + x[0] ** 2 + x[1] ** 2)  # noqa: E731
-
-    def radius(mesh, density):
-        movable = MovableMesh.of(mesh, Rules())
-        return 2 ** doublings_for(Trainer.of(movable), density_of(movable.triangulation, density))
-
-    assert radius(mesh, function) == 16
-    assert radius(mesh, lambda x: np.ones(x.shape[1])) == 2
-    for seed in range(5):
-        mesh = ka.relocate(mesh, function, seed=seed)
-    assert radius(mesh, function) <= 4
 
 
 def test_a_mesh_stretched_as_a_whole_names_the_min_quality_that_helps(caplog):

@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers.solids import box, two_regions, volumes
-from numpy.testing import assert_array_equal
+from helpers.solids import box, volumes
 
 import kohonen_adapt as ka
-
-TOPOLOGIES = ("flip", "recycle", "fixed")
 
 
 def shell(x):
@@ -21,11 +18,6 @@ def spread(mesh, density):
     return mass.std() / mass.mean()
 
 
-def area(mesh, facets):
-    a, b, c = mesh.p[:, mesh.facets[:, facets]].transpose(1, 2, 0)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-
-
 @pytest.mark.parametrize(("topology", "most"), [("recycle", 0.35), ("flip", 0.65), ("fixed", 0.65)])
 def test_mass_is_shared_out(topology, most):
     """From 0.90; what only moves cannot carry nodes far."""
@@ -35,21 +27,6 @@ def test_mass_is_shared_out(topology, most):
     assert spread(found, shell) < most < spread(mesh, shell)
     assert ka.quality(found).min() >= 0.2 and ka.quality(found).mean() > 0.8
     assert np.abs(volumes(found)).sum() == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_stages_are_presented_where_a_schedule_has_some(topology):
-    mesh, schedule = two_regions(4), ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)
-    values = shell(mesh.p[:, mesh.t].mean(axis=1))
-    found, again, without = (
-        ka.relocate(mesh, density, topology=topology, schedule=plan)
-        for density, plan in ((values, schedule), (values, schedule), (values, ka.Schedule((), sweeps=1)))
-    )
-    assert_array_equal(found.p, again.p)
-    assert found.p.shape == mesh.p.shape and np.any(found.p != without.p)
-    assert ka.quality(found).min() >= min(0.2, ka.quality(mesh).min()) - 1e-14
-    for name in mesh.boundaries:
-        assert area(found, found.boundaries[name]) == pytest.approx(area(mesh, mesh.boundaries[name]), rel=1e-12)
 
 
 def test_rounds_of_transport_are_refused():
