@@ -9,6 +9,7 @@ from test_movable import assert_same_state, kept
 
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import ON_PATCH
 
 
 @pytest.mark.parametrize(
@@ -41,3 +42,18 @@ def test_what_cannot_be_a_state_is_refused_and_nothing_changed(name, change, sai
     with pytest.raises(ValueError, match=f"^{said}"):
         solid.restore(state)
     assert_same_state(solid.state(), before)
+
+
+def test_the_parts_of_one_plane_that_carry_different_names_are_patches_of_their_own():
+    solid = MovableSolid.of(two_regions(4), Rules())
+    top = np.flatnonzero(solid.patches.names["top"])
+    part = np.flatnonzero(solid.patches.names["part"])
+    assert set(part) < set(top) and len(top) == 2
+    assert len(np.flatnonzero(solid.patches.names["left"])) == 2  # of the lower half and of the upper one
+    wall = np.flatnonzero(solid.patches.names["wall"])
+    assert len(wall) == 1
+    sides = solid.surfaces.meets[np.any(solid.surfaces.meets == wall, axis=1)]
+    assert np.all(np.sum(sides >= 0, axis=1) == 3)  # the wall and the sides below and above it
+    x, number, place = solid.tetrahedralization.position, solid.freedom.number, solid.freedom.place
+    on_wall = (x[:, 2] == 0.5) & np.all((x[:, :2] > 0.0) & (x[:, :2] < 1.0), axis=1)
+    assert np.all(number[on_wall] == ON_PATCH) and np.all(place[on_wall] == wall)

@@ -138,3 +138,16 @@ def test_a_walk_from_any_element_ends_where_a_search_does(name, across_regions):
 def test_shapes_for_interpolation(mesh, values, x, message):
     with pytest.raises(ValueError, match=f"^{message}$"):
         ka.interpolate(mesh, values, x)
+
+
+@every_mesh
+def test_nodes_and_middles_lie_in_the_mesh(name):
+    mesh = MESHES[name]
+    sides = [mesh.facets] if name in PLANE else [mesh.facets, mesh.edges]
+    if name == "far":  # where coordinates have six digits less, middles on the outline may be outside by these
+        sides = [mesh.t]
+    x = np.hstack([mesh.p, *(mesh.p[:, nodes].mean(axis=1) for nodes in sides)])
+    for search in (ka.find_elements, elements_at):
+        found = search(mesh, x)
+        assert found.min() >= 0
+        assert np.min(shares(mesh, x).min(axis=0)[found, np.arange(len(found))]) > -1e-9
