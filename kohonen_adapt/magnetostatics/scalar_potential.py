@@ -179,7 +179,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         # interpolation error of the small H in iron is a B deep in saturation.
         if self.order == 1:
             return None
-        linear, _ = self.functional_on(corners_of(mesh), drive, 1)
+        linear, _ = self._functional(corners_of(mesh), drive, 1)
         values = self.method.descend_coenergy(linear)[0]
         return energy.conditions.admissible(energy.space.interpolated(linear.space, values))
 
@@ -188,19 +188,13 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         if self.estimator == "bracket":
             self.vector_potential.check(mesh)
 
-    def functional_on(
-        self, mesh: MeshTet, known: Drive | None = None, order: int | None = None
-    ) -> tuple[Energy, SolidField]:
+    def functional_on(self, mesh: MeshTet) -> tuple[Energy, SolidField]:
         """Return the functional to minimise on a mesh, and the field before the solve.
 
         Parameters
         ----------
         mesh
             As in `solve`.
-        known
-            Given field on the same nodes, of another order.
-        order
-            Order in place of that of the problem.
 
         Returns
         -------
@@ -212,6 +206,12 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         ValueError
             As in `solve`.
         """
+        return self._functional(mesh)
+
+    def _functional(
+        self, mesh: MeshTet, known: Drive | None = None, order: int | None = None
+    ) -> tuple[Energy, SolidField]:
+        # `known` is the given field on the same nodes, of another order.
         # Differences of orders need one order more than problems have.
         order = self.order if order is None else order
         material, planes = self.given_on(mesh, order)
@@ -251,7 +251,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
     def _energy_of(self, field: SolidField, order: int) -> Energy:
         if order == field.order:  # without the field of coils and the checks of the mesh again
             return coenergy(field.drive, field.coefficients, self.conditions_of(field))
-        return self.functional_on(field.mesh, field.drive, order)[0]
+        return self._functional(field.mesh, field.drive, order)[0]
 
     def aimed_at(self, output: object) -> Self:
         """Return the problem for an output, with a goal where that is quicker.
@@ -315,7 +315,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
             return field.kept["higher"]
         cut_off = self.curved and field.order == 1  # faces cut off a part of round bodies
         mesh = with_round_edges(field.mesh) if cut_off else field.mesh
-        energy, start = self.functional_on(mesh, field.drive, field.order + 1)
+        energy, start = self._functional(mesh, field.drive, field.order + 1)
         # The potential in nonlinear material is total, so that H on straight edges does not change.
         step = step_to(energy, field.elements, field.unknown, self.method.roughly)
         found = replace(start, unknown=np.add(*step))

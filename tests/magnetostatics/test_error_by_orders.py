@@ -42,6 +42,6 @@ def test_solutions_for_differences_are_rough_and_estimates_are_the_same(mesh, or
 
     given = solved.unknown, order, mesh, energies
     found = indicators_beside_edges(*given, Newton(solver=solver), edges)
-    assert set(solver.asked) == {1e-6}
+    assert set(solver.asked) == {1e-3}
     exact = indicators_beside_edges(*given, Newton(solver=Solver(large=10**9)), edges)
-    assert np.linalg.norm(found - exact) < 1e-4 * np.linalg.norm(exact)
+    assert np.linalg.norm(found - exact) < 1e-3 * np.linalg.norm(exact)
