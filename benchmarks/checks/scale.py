@@ -17,10 +17,8 @@ from benchmarks.table import Cell, markdown
 SQUARES = (64, 182, 577)  # per unit of L: 12 545, 99 008 and about a million nodes; the last takes a minute
 CUBES = (22, 46, 99)  # along the cube: 12 167, 103 823 and a million nodes
 KINDS = ("by element", "callable", "scattered", "tetrahedra")
-SMALL, RUNS = (
-    12_545,
-    5,
-)  # nodes, and runs with as many, fewer of larger ones, two at least: the first finds its memory untouched
+SMALL = 12_545  # nodes
+RUNS = 5  # with at most so many nodes, fewer of larger ones, two at least: the first finds its memory untouched
 
 
 def report(seeds: Sequence[int], quick: bool) -> str:
