@@ -73,7 +73,9 @@ class HighOrders:
 
         `missing` is the estimate of the solve `before`, over the tolerance.
         """
-        known = [each for each in self.within(orders) if each[: 1 + on_layers] > before[: 1 + on_layers]]
+        known = [
+            each for each in self.within(orders) if each.order > before.order or (on_layers and each[:2] > before[:2])
+        ]
         return next((each for each in known if each.gain > missing * before.gain), known[-1] if known else None)
 
     def least(self, orders: range, wanted: float, smooth: bool = False) -> Raise:

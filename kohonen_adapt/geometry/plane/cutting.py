@@ -194,7 +194,7 @@ def next_part(z: Points, turning: Mask, at: int, begin: int) -> Part:
     if end - at + 1 >= FEWEST:
         circle = circle_of_part(z[at : end + 1])
         beside = [(at - 1, at)] * (at > begin) + [(end + 1, end)] * (end < len(z) - 1)
-        if not any(circle.sagittas(z[beyond], z[own]) <= LEAVING for beyond, own in beside):
+        if not any(circle.sagittas(z[other], z[own]) <= LEAVING for other, own in beside):
             return Part(at, end, circle)
     return Part(at, at + 1)
 

@@ -14,6 +14,7 @@ from scipy.linalg.lapack import spotrf, spotri
 from scipy.sparse import csr_matrix
 
 from kohonen_adapt.arrays import Floats, Function, Ints
+from kohonen_adapt.mesh.host import summed
 
 __all__ = ["added_corrections"]
 
@@ -33,7 +34,7 @@ def added_corrections(matrix: csr_matrix, stars: Sequence[Ints]) -> Function:
     def corrected(residual: Floats) -> Floats:
         padded = np.append(scale * residual, 0.0).astype(np.float32)
         parts = [np.matmul(inverse, padded[rows][..., None]).ravel() for rows, inverse in found]
-        return np.asarray(scale * np.bincount(every, np.concatenate(parts), padded.size)[:-1])
+        return scale * summed(every, np.concatenate(parts), padded.size)[:-1]
 
     return corrected
 
