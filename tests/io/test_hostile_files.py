@@ -251,22 +251,6 @@ def test_a_large_file_is_not_read(name, content, size, said, tmp_path):
         within_memory(lambda: (read_case if name == "m.toml" else ka.read_mesh)(tmp_path / name))
 
 
-@pytest.mark.parametrize("version", ["2.2", "4.1"])
-@pytest.mark.parametrize("binary", [0, 1])
-@pytest.mark.parametrize("count", [2**31 - 1, 2**62, -1])
-def test_counts_beyond_the_file(version, binary, count, tmp_path):
-    kind = np.int64 if version == "4.1" else np.int32
-    body = f"{count} {count} 1 1\n".encode()
-    if binary:
-        body = np.array([count] * 4).astype(kind).tobytes() if version == "4.1" else f"{count}\n".encode()
-    head = f"$MeshFormat\n{version} {binary} 8\n".encode() + (np.int32(1).tobytes() + b"\n" if binary else b"")
-    sections = b"".join(b"$%s\n%s\n$End%s\n" % (name, body, name) for name in (b"Nodes", b"Elements"))
-    (tmp_path / "m.msh").write_bytes(head + b"$EndMeshFormat\n" + sections)
-    within_memory(lambda: refused_or_read(ka.read_mesh, tmp_path / "m.msh"))
-    with pytest.raises(ValueError, match=r"is not a complete Gmsh file|read_mesh expected"):
-        ka.read_mesh(tmp_path / "m.msh")
-
-
 def test_an_entity_in_thousands_of_groups(tmp_path):
     """Two hundred kilobytes that stand for forty million memberships."""
     groups, elements = (range(1, 1 + count) for count in (2000, 20_000))
@@ -275,19 +259,6 @@ def test_an_entity_in_thousands_of_groups(tmp_path):
     (tmp_path / "m.msh").write_text(text.replace("2 1 2 1\n1 1 2 3", f"2 1 2 {len(elements)}\n{rows}"))
     with pytest.raises(ValueError, match="it has elements in more groups than a mesh of its size can need"):
         within_memory(lambda: ka.read_mesh(tmp_path / "m.msh"))
-
-
-@pytest.mark.parametrize("binary", [False, True])
-def test_elements_of_two_kinds_by_turns(binary, tmp_path):
-    """Four triangles around a node and their outer sides as lines, in MSH 2.2."""
-    points = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 0)])
-    sides = [(0, 1), (1, 2), (2, 3), (3, 0)]
-    cells = [each for a, b in sides for each in (("line", [[a, b]]), ("triangle", [[a, b, 4]]))]
-    tags = {name: [np.array([7]), np.array([8])] * 4 for name in ("gmsh:physical", "gmsh:geometrical")}
-    meshio.gmsh.write(tmp_path / "m.msh", meshio.Mesh(points, cells, cell_data=tags), "2.2", binary=binary)
-    mesh = ka.read_mesh(tmp_path / "m.msh")
-    assert_array_equal(mesh.subdomains["region_8"], np.arange(4))
-    assert_array_equal(np.sort(mesh.boundaries["boundary_7"]), np.sort(mesh.boundary_facets()))
 
 
 @pytest.mark.parametrize(

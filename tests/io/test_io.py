@@ -14,7 +14,7 @@ from helpers.worlds import full_disk
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
-from skfem import MeshTet, MeshTri
+from skfem import MeshTet, MeshTet2, MeshTri
 from skfem.generic_utils import OrientedBoundary
 
 from kohonen_adapt import read_field, read_mesh, write_mesh
@@ -34,6 +34,13 @@ def large():
     return mesh.with_subdomains({"low": lambda x: x[1] < 0.9, "all": np.arange(mesh.nelements)})
 
 
+def curved_boxes():
+    """Two boxes with every middle of an edge moved."""
+    mesh = MeshTet2.from_mesh(two_boxes(2))
+    off = np.random.default_rng(0).uniform(-0.01, 0.01, mesh.p.shape) * (np.arange(mesh.p.shape[1]) >= mesh.nvertices)
+    return MeshTet2(mesh.p + off, mesh.t, two_boxes(2).boundaries, two_boxes(2).subdomains)
+
+
 MESHES = {
     "plane": two_rooms,
     "space": two_boxes,
@@ -43,6 +50,7 @@ MESHES = {
     ),
     "large": large,
     "curved": lambda: curved_annulus(24),
+    "curved in space": curved_boxes,
 }
 
 

@@ -32,7 +32,7 @@ def test_missing_file(read, what, tmp_path):
 @pytest.mark.parametrize(
     ("name", "remedy"),
     [
-        ("mesh.stl", r"gmsh 'mesh\.stl' -save -o NEW"),
+        *((f"mesh.{kind}", rf"gmsh 'mesh\.{kind}' -save -o NEW") for kind in ("stl", "unv", "cgns")),
         ("mesh.exo", r"meshio convert 'mesh\.exo' NEW\.vtu"),
         ("core.geo", r"gmsh -2 'core\.geo' -o NEW\.msh"),
         ("mesh.fem", r"analyse it there, and read the solution, the \.ans file beside it\."),

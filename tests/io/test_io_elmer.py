@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers.cases import run_command
 from helpers.mesh_files import assert_same, assert_same_directions, two_boxes, two_rooms
 from helpers.places import names_in
 from helpers.small_files import GRID, written
@@ -12,7 +11,6 @@ from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.cases import fitting_mesh, read_case
-from kohonen_adapt.io import Groups
 
 FILES = ("mesh.header", "mesh.nodes", "mesh.elements", "mesh.boundary", "mesh.names")
 
@@ -76,17 +74,6 @@ def test_numbers_are_kept(tmp_path):
     ka.write_mesh(tmp_path / "two", ka.read_mesh(tmp_path / "one"), groups=groups)
     again = ka.read_groups(tmp_path / "two").names
     assert again == {key: name for key, name in groups.names.items() if key[0] > 0}
-
-
-def test_relocate_takes_and_gives_folders(tmp_path):
-    mesh = rooms()
-    ka.write_mesh(tmp_path / "one", mesh, groups=Groups({(2, 40): "left"}))
-    ka.write_mesh(tmp_path / "f.vtu", mesh, cell_data={"f": 1.0 + np.arange(64.0)})
-    options = ["--density", f"{tmp_path}/f.vtu:f", "--out", str(tmp_path / "two"), "--quiet"]
-    assert run_command("relocate", tmp_path / "one", *options) == 0
-    after = ka.read_mesh(tmp_path / "two")
-    assert_array_equal(after.p, ka.relocate(mesh, 1.0 + np.arange(64.0)).p)
-    assert ka.read_groups(tmp_path / "two").names == ka.read_groups(tmp_path / "one").names
 
 
 def test_a_case_may_name_a_folder(tmp_path):

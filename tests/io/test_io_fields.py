@@ -74,32 +74,12 @@ def test_lists_that_do_not_fit(tmp_path, text, name, said):
         ka.read_field(tmp_path / "f.pos", ROOMS, name)
 
 
-def test_data_for_a_part_only_is_refused(tmp_path, capsys):
+def test_where_data_is_for_a_part_only_there_are_no_numbers(tmp_path):
     mesh = two_rooms()
     ka.write_mesh(tmp_path / "f.msh", mesh, cell_data={"f": np.ones(64)})
     text = (tmp_path / "f.msh").read_text().replace("\n1\n64\n1 1.0\n", "\n1\n63\n")
     (tmp_path / "f.msh").write_text(text)
-    said = relocated(tmp_path, mesh, "--density", "f.msh:f", capsys)
-    assert "density must be finite and >= 0; element 0 has nan." in said
-
-
-def relocated(folder, mesh, option, field, capsys):
-    """What the command says."""
-    ka.write_mesh(folder / "m.msh", mesh)
-    arguments = ["relocate", str(folder / "m.msh"), option, f"{folder}/{field}", "--out", str(folder / "o.msh")]
-    run_command(*arguments, "--quiet")
-    return capsys.readouterr().err
-
-
-@pytest.mark.parametrize("meaning", ["density", "indicators", "sizes"])
-def test_what_a_field_may_mean(tmp_path, meaning, capsys):
-    mesh = two_rooms()
-    given = ramp(mesh)[1]
-    ka.write_mesh(tmp_path / "f.msh", mesh, cell_data={"f": given})
-    assert relocated(tmp_path, mesh, f"--{meaning}", "f.msh:f", capsys) == ""
-    make = {"indicators": ka.density_from_indicators, "sizes": ka.density_from_sizes}
-    density = make[meaning](mesh, given) if meaning in make else given
-    assert_array_equal(ka.read_mesh(tmp_path / "o.msh").p, ka.relocate(mesh, density).p)
+    assert_array_equal(np.isnan(ka.read_field(tmp_path / "f.msh", mesh, "f")), np.arange(64) == 0)
 
 
 def test_one_meaning_only():

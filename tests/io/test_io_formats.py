@@ -28,7 +28,7 @@ def by_gmsh(tmp_path_factory):
     with gmsh_session() as model:
         gmsh.open(str(DRAWING))
         model.mesh.generate(2)
-        for suffix in (".msh", ".unv", ".cgns", *SUFFIXES):
+        for suffix in (".msh", *SUFFIXES):
             gmsh.write(str(folder / f"m{suffix}"))
     return folder
 
@@ -52,20 +52,6 @@ def test_mesh_and_names_are_those_of_gmsh(by_gmsh, suffix):
     assert (mesh.subdomains is None) == (suffix == ".su2")
     for name, rows in wanted.subdomains.items() if mesh.subdomains else ():
         assert_array_equal(mesh.subdomains[name], np.sort(rows))
-
-
-@needs_gmsh
-@pytest.mark.parametrize("suffix", [".unv", ".cgns"])
-def test_what_a_refusal_names_converts_with_all_names(by_gmsh, suffix):
-    with pytest.raises(ValueError, match=rf"gmsh 'm{suffix}' -save -o NEW\.msh"):
-        ka.read_mesh(by_gmsh / f"m{suffix}")
-    with gmsh_session():
-        gmsh.open(str(by_gmsh / f"m{suffix}"))
-        gmsh.write(str(by_gmsh / "new.msh"))
-    wanted, mesh = ka.read_mesh(by_gmsh / "m.msh"), ka.read_mesh(by_gmsh / "new.msh")
-    for kind in ("subdomains", "boundaries"):
-        sizes = [{name: len(rows) for name, rows in getattr(each, kind).items()} for each in (mesh, wanted)]
-        assert sizes[0] == sizes[1]
 
 
 def spaceless():

@@ -5,7 +5,7 @@ import logging
 import meshio
 import numpy as np
 import pytest
-from helpers.curved_meshes import RADII, annulus, curved_annulus, on_circles, write_second_order
+from helpers.curved_meshes import RADII, annulus, curved_annulus, on_circles
 from helpers.mesh_files import assert_same, gmsh, gmsh_session, needs_gmsh
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementTriP2, MeshTri, MeshTri2
@@ -16,12 +16,22 @@ from kohonen_adapt.mesh.curved import corners_of
 COUNT = 24
 
 
-@pytest.fixture(params=["2.2", "4.1"])
-def hand_made(request, tmp_path):
-    """A file of the annulus with its middles on the circles, and the mesh."""
-    mesh = annulus(COUNT)
-    middles = on_circles(mesh, slice(None))
-    return write_second_order(tmp_path / "ring.msh", mesh, middles, version=request.param), mesh
+def renumbered(path):
+    """A file of MSH 2.2 with gaps in the numbers of its nodes, which stand in the opposite order."""
+    lines = [line.split() for line in path.read_text().split("\n")]
+    first, last = lines.index(["$Nodes"]) + 2, lines.index(["$EndNodes"])
+    lines[first:last] = [[str(3 * int(number)), *place] for number, *place in lines[last - 1 : first - 1 : -1]]
+    first, last = lines.index(["$Elements"]) + 2, lines.index(["$EndElements"])
+    lines[first:last] = [[*row[:5], *(str(3 * int(node)) for node in row[5:])] for row in lines[first:last]]
+    path.write_text("\n".join(map(" ".join, lines)))
+    return path
+
+
+@pytest.fixture(params=[".msh", ".msh2"])
+def curved_file(request, tmp_path):
+    """A file of the annulus with its middles on the circles."""
+    write_mesh(tmp_path / f"ring{request.param}", curved_annulus(COUNT))
+    return tmp_path / f"ring{request.param}"
 
 
 def around(radius, count=997):
@@ -29,21 +39,14 @@ def around(radius, count=997):
     return radius * np.stack([np.cos(angle), np.sin(angle)])
 
 
-def test_a_second_order_file_is_read_with_its_bent_sides(hand_made):
-    path, mesh = hand_made
-    curved = read_mesh(path)
-    assert type(curved) is MeshTri2
-    assert_array_equal(curved.p[:, curved.nvertices :], on_circles(curved, slice(None)))
-    triangle = {tuple(nodes): k for k, nodes in enumerate(mesh.t.T.tolist())}
-    number = np.array([triangle[tuple(sorted(nodes))] for nodes in curved.t.T.tolist()])
-    assert_array_equal(np.sort(number), np.arange(mesh.nelements))
-    named = {name: number[items] for name, items in curved.subdomains.items()}
-    assert_same(MeshTri(corners_of(curved).p, mesh.t, curved.boundaries, named), mesh)
+def test_nodes_have_any_numbers_in_any_order(tmp_path):
+    write_mesh(tmp_path / "ring.msh2", curved_annulus(COUNT))
+    assert_same(read_mesh(renumbered(tmp_path / "ring.msh2")), curved_annulus(COUNT))
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 2.0**-20])
-def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_the_ends_alone(hand_made, scale, caplog):
-    path, mesh = hand_made
+def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_chords(curved_file, scale, caplog):
+    path, mesh = curved_file, annulus(COUNT)
     with caplog.at_level(logging.INFO):
         curves = read_curves(path, read_mesh(path, scale=scale), scale=scale)
     assert set(curves) == set(RADII)
@@ -59,10 +62,9 @@ def test_the_curves_hold_the_mid_side_nodes_and_are_nearer_to_the_circles_than_t
         assert curved < chords / 12.0
 
 
-def test_names_given_after_reading_have_their_curves(hand_made):
+def test_names_given_after_reading_have_their_curves(curved_file):
     """An arc of the rim, one inside, arcs and a spoke in one name, and a name without a facet."""
-    path, _ = hand_made
-    read = read_mesh(path).with_boundaries(
+    read = read_mesh(curved_file).with_boundaries(
         {
             "right half": lambda x: (np.hypot(*x) > 1.4) & (x[0] > 0.0),
             "upper interface": lambda x: (np.abs(np.hypot(*x) - 1.0) < 0.02) & (x[1] > 0.0),
@@ -71,7 +73,7 @@ def test_names_given_after_reading_have_their_curves(hand_made):
         },
         boundaries_only=False,
     )
-    curves = read_curves(path, read)
+    curves = read_curves(curved_file, read)
     assert set(curves) == {*RADII, "right half", "upper interface", "all"}
     assert curves["right half"].closed == curves["upper interface"].closed == (False,)
     assert curves["upper interface"].pieces[0].shape == (2, COUNT + 1)
@@ -82,19 +84,18 @@ def test_names_given_after_reading_have_their_curves(hand_made):
 
 
 def test_a_file_with_straight_sides_only_has_no_curves(tmp_path):
-    mesh = annulus(COUNT)
-    middles = mesh.p[:, mesh.facets].mean(axis=1)
-    path = write_second_order(tmp_path / "straight.msh", mesh, middles, version="4.1")
+    path = tmp_path / "straight.msh"
+    write_mesh(path, MeshTri2.from_mesh(annulus(COUNT)))
     assert read_curves(path, read_mesh(path)) == {}
     assert type(read_mesh(path)) is MeshTri
 
 
 def test_corners_are_told_by_the_curves_and_not_by_their_chords(tmp_path):
     """Eight facets turn by 45 degrees each; the circle through their middles does not."""
-    mesh = annulus(8)
-    path = write_second_order(tmp_path / "coarse.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
+    path = tmp_path / "coarse.msh"
+    write_mesh(path, curved_annulus(8))
     assert read_curves(path, read_mesh(path))["outer"].closed == (True,)
-    assert Spline.through(mesh, "outer").closed == (False,) * 8
+    assert Spline.through(annulus(8), "outer").closed == (False,) * 8
 
 
 @pytest.mark.parametrize(
@@ -115,15 +116,15 @@ def test_files_without_curves_are_refused(name, said, tmp_path):
 
 
 def test_a_file_of_both_orders_is_refused(tmp_path, caplog):
-    mesh = annulus(COUNT)
-    path = write_second_order(tmp_path / "both.msh", mesh, on_circles(mesh, slice(None)), version="2.2")
+    path = tmp_path / "both.msh2"
+    write_mesh(path, curved_annulus(COUNT))
     lines = path.read_text().split("\n")
-    last = lines.index("$EndElements") - 1
-    words = lines[last].split()
+    first = lines.index("$Elements") + 2
+    words = lines[first].split()
     assert words[1] == "9"
-    lines[last] = " ".join([words[0], "2", *words[2:8]])
+    lines[first] = " ".join([words[0], "2", *words[2:8]])
     path.write_text("\n".join(lines))
-    assert read_mesh(path).t.shape == mesh.t.shape
+    assert read_mesh(path).t.shape == annulus(COUNT).t.shape
     assert "has triangles of several orders: all sides are read as straight" in caplog.text
     with pytest.raises(ValueError, match=r"expected triangles of one order from 2 to 5, .* has other elements, too"):
         read_curves(path, read_mesh(path))
@@ -156,25 +157,24 @@ def flipped(mesh):
         (lambda mesh: "mesh", r"mesh must be a skfem\.MeshTri or MeshTri2; got str"),
     ],
 )
-def test_another_mesh_is_refused(hand_made, change, message):
-    path, _ = hand_made
+def test_another_mesh_is_refused(curved_file, change, message):
     with pytest.raises(ValueError, match=message):
-        read_curves(path, change(read_mesh(path)))
+        read_curves(curved_file, change(read_mesh(curved_file)))
 
 
-def test_rounding_is_no_other_mesh(hand_made):
-    path, _ = hand_made
-    read = corners_of(read_mesh(path))
+def test_rounding_is_no_other_mesh(curved_file):
+    read = corners_of(read_mesh(curved_file))
     noise = np.random.default_rng(0).uniform(-1e-14, 1e-14, read.p.shape)
-    assert set(read_curves(path, MeshTri(read.p + noise, read.t, read.boundaries))) == set(RADII)
+    assert set(read_curves(curved_file, MeshTri(read.p + noise, read.t, read.boundaries))) == set(RADII)
 
 
 def test_a_middle_that_is_not_finite_is_refused(tmp_path):
-    mesh = annulus(COUNT)
-    middles = on_circles(mesh, slice(None))
-    middles[0, mesh.boundaries["outer"][3]] = np.nan
-    path = write_second_order(tmp_path / "ring.msh", mesh, middles, version="2.2")
-    said = r" expected finite coordinates; '.*ring\.msh' has a midside node at \[ *nan"
+    mesh, path = annulus(COUNT), tmp_path / "ring.msh2"
+    write_mesh(path, curved_annulus(COUNT))
+    place = " ".join(map(repr, curved_annulus(COUNT).p[:, -1].tolist()))
+    assert f" {place} 0" in path.read_text()
+    path.write_text(path.read_text().replace(f" {place} 0", " nan 0 0", 1))
+    said = r" expected finite coordinates; '.*ring\.msh2' has a midside node at \[ *nan"
     for name, read in (("read_mesh", read_mesh), ("read_curves", lambda path: read_curves(path, mesh))):
         with pytest.raises(ValueError, match=name + said):
             read(path)
