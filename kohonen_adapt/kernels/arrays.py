@@ -1,15 +1,14 @@
 """Records and constants that kernels on triangles and on tetrahedra share.
 
-Shapes are given by n nodes, m elements, t training points and d dimensions. Arrays without a type are float64. Records
+Shapes are given by n nodes, m elements, t training points and d dimensions. Records
 of several arrays replace single arrays because every array argument costs numba as much time as some lines of code.
 """
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from kohonen_adapt.arrays import Array
-from kohonen_adapt.kernels.numba.compilation import record
+from kohonen_adapt.kernels.numba.array_types import B2, I1, I2, L1, R1, R2, R3
+from kohonen_adapt.kernels.numba.compilation import record, zeros
 
 UNGUARDED = -2.0  # minimum quality that every triangle exceeds, even an inverted triangle
 NEAR_AXIS = 1e-6  # of the largest x of an element: corners with a smaller x are on the axis
@@ -25,25 +24,17 @@ class SearchScratch(NamedTuple):
     Stamps are compared with a counter that only increases.
     """
 
-    node_stamp: Array  # (n,) int64
-    element_stamp: Array  # (m,) int64
-    counter: Array  # (1,) int64
-    queue: Array  # (n + m + 1,) int32
-    frontier: Array  # (m,) int32: elements that the flood may enter
-    reach: Array  # (m,): squared distance from the point to the entry edge
-    crossed: Array  # (CROSSINGS + 3, 2) int32: edges to be crossed, as element and opposite corner
+    node_stamp: L1  # (n,)
+    element_stamp: L1  # (m,)
+    counter: L1  # (1,)
+    queue: I1  # (n + m + 1,)
+    frontier: I1  # (m,): elements that the flood may enter
+    reach: R1  # (m,): squared distance from the point to the entry edge
+    crossed: I2  # (CROSSINGS + 3, 2): edges to be crossed, as element and opposite corner
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SearchScratch":
-        return cls(
-            np.zeros(nodes, np.int64),
-            np.zeros(elements, np.int64),
-            np.zeros(1, np.int64),
-            np.empty(nodes + elements + 1, np.int32),
-            np.empty(elements, np.int32),
-            np.empty(elements),
-            np.empty((CROSSINGS + 3, 2), np.int32),
-        )
+        return zeros(cls, nodes, elements, 1, nodes + elements + 1, elements, elements, (CROSSINGS + 3, 2))
 
 
 @record
@@ -54,7 +45,7 @@ class Metric(NamedTuple):
     `relief` of 1 stands for Euclidean quality alone.
     """
 
-    shape: Array  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz; in space
+    shape: R2  # (n, 3) or (n, 6): tensors of determinant 1 as xx, xy, yy, or xx, xy, xz, yy, yz, zz; in space
     # (0, 6) if all are round
     relief: float  # Euclidean quality may be below the floor by this factor, if quality in the metric is above
 
@@ -63,7 +54,7 @@ class Metric(NamedTuple):
 class KernelMesh(NamedTuple):
     """Mesh of triangles or tetrahedra, with the constraints on its nodes."""
 
-    position: Array  # (n, d)
+    position: R2  # (n, d)
     elements: Any  # Elements, or Tetrahedra
     star: Any
     constraints: Any
@@ -71,11 +62,11 @@ class KernelMesh(NamedTuple):
 
 @record
 class Lesson(NamedTuple):
-    points: Array  # (t, d)
-    region: Array  # (t,) int32
-    weights: Array  # (t,)
-    winners: Array  # (t,) int32
-    strength: Array  # (radius + 1,): neighbourhood function, from ring 0 to the radius
+    points: R2  # (t, d)
+    region: I1  # (t,)
+    weights: R1  # (t,)
+    winners: I1  # (t,)
+    strength: R1  # (radius + 1,): neighbourhood function, from ring 0 to the radius
 
 
 @record
@@ -85,10 +76,10 @@ class Pool(NamedTuple):
     Rows of free elements have node -1.
     """
 
-    anchor: Array  # (n,) int32: an element at each node, -1 for a free row
-    free_nodes: Array  # (n,) int32: a stack
-    free_elements: Array  # (m,) int32: a stack
-    height: Array  # (2,) int64: of both stacks
+    anchor: I1  # (n,): an element at each node, -1 for a free row
+    free_nodes: I1  # (n,): a stack
+    free_elements: I1  # (m,): a stack
+    height: L1  # (2,): of both stacks
 
 
 @record
@@ -100,10 +91,10 @@ class Modes(NamedTuple):
     Every edge of a tetrahedron has its coefficient in all of its elements, in the order of `EDGES`.
     """
 
-    side: Array  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd, or
+    side: R3  # (m, 3, order - 1): coefficients of the side opposite to corner k: even, at order 3 also odd, or
     # (m, 6, 1): coefficients of the edges of tetrahedra
-    bubble: Array  # (m,): coefficients of the bubbles at order 3
-    dirichlet: Array  # (m, 3) bool: Dirichlet values on the side, or (m, 6) on the edge
+    bubble: R1  # (m,): coefficients of the bubbles at order 3
+    dirichlet: B2  # (m, 3): Dirichlet values on the side, or (m, 6) on the edge
 
     def rows(self, rows: Array) -> "Modes":
         return Modes(self.side[rows], self.bubble[rows], self.dirichlet[rows])

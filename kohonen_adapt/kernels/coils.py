@@ -17,7 +17,7 @@ rules of few points suffice (Trefethen, SIAM Review 50, 2008); beside x, points 
 import math
 from typing import NamedTuple
 
-from kohonen_adapt.arrays import Array
+from kohonen_adapt.kernels.numba.array_types import I1, I2, R1, R2, R3
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
 from kohonen_adapt.kernels.vectors import (
     ZERO,
@@ -43,29 +43,29 @@ TINY = 1e-14  # of s - l relative to s, below which x is on an edge, whose term 
 class Bars(NamedTuple):
     """Polyhedra of k corners, e edges and f faces, with uniform current densities."""
 
-    corner: Array  # (k, 3)
-    end: Array  # (e, 2) int32: corners at the ends of an edge
-    length: Array  # (e,)
-    matrix: Array  # (e, 3, 3): M / (4 pi)
-    face: Array  # (f, 4) int32: corners, counter-clockwise around the normal
-    normal: Array  # (f, 3)
-    weight: Array  # (f, 3): J x n / (4 pi)
-    area: Array  # (f, 2): twice the areas of both triangles of a face
+    corner: R2  # (k, 3)
+    end: I2  # (e, 2): corners at the ends of an edge
+    length: R1  # (e,)
+    matrix: R3  # (e, 3, 3): M / (4 pi)
+    face: I2  # (f, 4): corners, counter-clockwise around the normal
+    normal: R2  # (f, 3)
+    weight: R2  # (f, 3): J x n / (4 pi)
+    area: R2  # (f, 2): twice the areas of both triangles of a face
 
 
 @record
 class Arcs(NamedTuple):
     """Arcs of rectangular section, and quadrature rules of at most q points."""
 
-    centre: Array  # (a, 3)
-    frame: Array  # (a, 3, 3): unit vectors as rows: to the middle of the arc, across, and the axis
-    half_angle: Array  # (a,)
-    bounds: Array  # (a, 4): inner and outer radius, lowest and highest z
-    density: Array  # (a,): current density / (4 pi), positive around the axis
-    npoints: Array  # (r,) int32: points of a rule
-    reach: Array  # (r,): least large half-axis of an ellipse, see `rule_for`; falls to 0
-    fraction: Array  # (r, q): points on [0, 1], which cluster at 0 in the last rule
-    weight: Array  # (r, q)
+    centre: R2  # (a, 3)
+    frame: R3  # (a, 3, 3): unit vectors as rows: to the middle of the arc, across, and the axis
+    half_angle: R1  # (a,)
+    bounds: R2  # (a, 4): inner and outer radius, lowest and highest z
+    density: R1  # (a,): current density / (4 pi), positive around the axis
+    npoints: I1  # (r,): points of a rule
+    reach: R1  # (r,): least large half-axis of an ellipse, see `rule_for`; falls to 0
+    fraction: R2  # (r, q): points on [0, 1], which cluster at 0 in the last rule
+    weight: R2  # (r, q)
 
 
 @kernel

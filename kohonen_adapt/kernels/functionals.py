@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Array
+from kohonen_adapt.kernels.numba.array_types import I1, R3
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 STEPS = 2048  # of a table in every octave of |grad u|^2
@@ -21,9 +21,9 @@ DENSITY, RATE = 0, 1  # of `Laws.table`
 class Laws(NamedTuple):
     """Nonlinear laws as tables of the energy density W over s = |grad u|^2."""
 
-    number: Array  # (m,) int32: index of the law of every element, -1 for none
+    number: I1  # (m,): index of the law of every element, -1 for none
     first: int  # the tables begin at s = 2^(first - 1)
-    table: Array  # (laws, rows, 2): W and dW/ds at the steps
+    table: R3  # (laws, rows, 2): W and dW/ds at the steps
 
 
 @inner_kernel

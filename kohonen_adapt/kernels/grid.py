@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Array
+from kohonen_adapt.kernels.numba.array_types import I1, L1, R1
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
 __all__ = ["Grid", "cell_index", "cells_between", "clear_counts", "enter", "sum_up_counts"]
@@ -21,11 +22,11 @@ class Grid(NamedTuple):
     The items of cell c are ``content[start[c] : start[c + 1]]``.
     """
 
-    origin: Array  # (d,) float64: lower corner of the first cell
-    size: Array  # (d,) float64: of a cell
-    shape: Array  # (d,) int64: number of cells
-    start: Array  # (g + 1,) int64
-    content: Array  # (start[g],) int32
+    origin: R1  # (d,): lower corner of the first cell
+    size: R1  # (d,): of a cell
+    shape: L1  # (d,): number of cells
+    start: L1  # (g + 1,)
+    content: I1  # (start[g],)
 
     @classmethod
     def over(cls, position: Array, wanted: float) -> "Grid":

@@ -2,10 +2,8 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-from kohonen_adapt.arrays import Array
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
+from kohonen_adapt.kernels.numba.array_types import I2, L1, R1
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, record, zeros
 
 
 @record
@@ -15,13 +13,13 @@ class Heap(NamedTuple):
     Edges that are changed or removed from the mesh stay in the heap, and are skipped on removal.
     """
 
-    key: Array  # (k,)
-    ends: Array  # (k, 2) int32
-    size: Array  # (1,) int64
+    key: R1  # (k,)
+    ends: I2  # (k, 2)
+    size: L1  # (1,)
 
     @classmethod
     def of(cls, rows: int) -> "Heap":
-        return cls(np.empty(rows), np.empty((rows, 2), np.int32), np.zeros(1, np.int64))
+        return zeros(cls, rows, (rows, 2), 1)
 
 
 @inner_kernel

@@ -6,9 +6,10 @@ Machine code is cached on disk.
 import functools
 from collections.abc import Callable
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import numba
+import numpy as np
 from numba import config, types
 
 from kohonen_adapt.kernels.numba.switch import CACHED, PLAIN
@@ -19,12 +20,25 @@ if not PLAIN:
 if CACHED:
     from kohonen_adapt.kernels.numba.cache import DeferredCache
 
-__all__ = ["expect", "expected", "inner_kernel", "interpreted", "kernel", "number_of_threads", "record", "record_type"]
+__all__ = [
+    "expect",
+    "expected",
+    "inner_kernel",
+    "interpreted",
+    "kernel",
+    "number_of_threads",
+    "record",
+    "record_type",
+    "type_of",
+    "zeros",
+]
 
 expected: set[str] = set()
 
 OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 Record = TypeVar("Record", bound=type)
+Scratch = TypeVar("Scratch")
+NUMBERS = {float: types.float64, int: types.int64, bool: types.boolean}
 
 
 def kernel(function: Callable) -> Callable:
@@ -50,10 +64,37 @@ def record(record_class: Record) -> Record:
     return record_class
 
 
-def record_type(record_class: Any, fields: tuple[types.Type, ...]) -> types.Type:
-    if len(fields) != len(record_class._fields):
-        raise TypeError(f"{record_class.__name__} has {len(record_class._fields)} fields; got {len(fields)} types.")
-    return types.NamedTuple(fields, record_class) if PLAIN else RecordType(record_class, fields)
+def type_of(argument: Any) -> types.Type:
+    """Return the type of numba for a record, a type of `array_types` or a number.
+
+    Types of numba are returned as they are.
+    """
+    if argument in NUMBERS:
+        return NUMBERS[argument]
+    if hasattr(argument, "_fields"):
+        return record_type(argument)
+    return types.Array(*argument.__metadata__, "C") if hasattr(argument, "__metadata__") else argument
+
+
+def record_type(record_class: Any, **fields: Any) -> types.Type:
+    """Return the type of a record by its annotations, or by `fields` if given."""
+    kinds = tuple(map(type_of, (_annotations(record_class) | fields).values()))
+    return types.NamedTuple(kinds, record_class) if PLAIN else RecordType(record_class, kinds)
+
+
+def zeros(record_class: Callable[..., Scratch], *fields: Any) -> Scratch:
+    """Return a record with arrays of zeros.
+
+    `fields` are the shapes of the arrays, or arrays of other entries.
+    """
+    kinds = (str(kind.__metadata__[0]) for kind in _annotations(record_class).values())
+    pairs = zip(fields, kinds, strict=True)
+    return record_class(*(each if isinstance(each, np.ndarray) else np.zeros(each, kind) for each, kind in pairs))
+
+
+@functools.cache
+def _annotations(record_class: Any) -> dict[str, Any]:
+    return get_type_hints(record_class, include_extras=True)
 
 
 def expect(*chapters: str) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
-from kohonen_adapt.kernels.numba.compilation import record
+from kohonen_adapt.kernels.numba.array_types import B1, B2, I1, I2, L1, R1, R2, R3, R4, S1, S2
+from kohonen_adapt.kernels.numba.compilation import record, zeros
 
 FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
 STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments
@@ -37,12 +38,12 @@ class Elements(NamedTuple):
     ``neighbour[e, k]`` is the neighbour across the edge opposite to corner k, -1 at the boundary.
     """
 
-    node: Array  # (m, 3) int32
-    neighbour: Array  # (m, 3) int32
-    region: Array  # (m,) int32
-    chain: Array  # (m, 3) int32: segment of the edge opposite to corner k, -1 for an edge that may flip
-    level: Array  # (n,) int32: from 0 on one side of a subdomain with layers to their number on the opposite side
-    layered: Array  # (r,) bool: regions in which no edge may join nodes whose levels differ by more than 1
+    node: I2  # (m, 3)
+    neighbour: I2  # (m, 3)
+    region: I1  # (m,)
+    chain: I2  # (m, 3): segment of the edge opposite to corner k, -1 for an edge that may flip
+    level: I1  # (n,): from 0 on one side of a subdomain with layers to their number on the opposite side
+    layered: B1  # (r,): regions in which no edge may join nodes whose levels differ by more than 1
 
     def ends(self, e: Array, k: Array) -> tuple[Array, Array]:
         return self.node[e, (k + 1) % 3], self.node[e, (k + 2) % 3]
@@ -56,10 +57,10 @@ class Star(NamedTuple):
     counter-clockwise.
     """
 
-    start: Array  # (n + 1,) int32
-    element: Array  # (3 m,) int32
-    ahead: Array  # (3 m,) int32
-    behind: Array  # (3 m,) int32
+    start: I1  # (n + 1,)
+    element: I1  # (3 m,)
+    ahead: I1  # (3 m,)
+    behind: I1  # (3 m,)
 
     @property
     def link(self) -> Array:
@@ -68,10 +69,10 @@ class Star(NamedTuple):
 
 @record
 class Chains(NamedTuple):
-    geometry: Array  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
-    flags: Array  # (c, 3) int8: shape, closed, paired
-    row: Array  # (c + 1,) int32: segment c has the knots row[c] to row[c + 1]
-    knot: Array  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
+    geometry: R2  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
+    flags: S2  # (c, 3): shape, closed, paired
+    row: I1  # (c + 1,): segment c has the knots row[c] to row[c + 1]
+    knot: R2  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
 
     @classmethod
     def of(cls, count: int) -> "Chains":
@@ -125,17 +126,17 @@ class Chains(NamedTuple):
 
 @record
 class PeriodicPairs(NamedTuple):
-    partner: Array  # (n,) int32: partner node, -1 for none
-    motion: Array  # (n,) int32: motion that maps the node to its partner, -1 for none
-    motions: Array  # (motions, 2, 3): x -> A x + b as rows [A | b]
+    partner: I1  # (n,): partner node, -1 for none
+    motion: I1  # (n,): motion that maps the node to its partner, -1 for none
+    motions: R3  # (motions, 2, 3): x -> A x + b as rows [A | b]
 
 
 @record
 class Constraints(NamedTuple):
-    kind: Array  # (n,) int8: FREE, SLIDING or HELD
-    chain: Array  # (n, 2) int32: segment of the node, or both segments of a corner; -1 for none
-    parameter: Array  # (n,): position on the segment
-    inner: Array  # (n,) bool: in the interior of a region, with all neighbours in the closed region
+    kind: S1  # (n,): FREE, SLIDING or HELD
+    chain: I2  # (n, 2): segment of the node, or both segments of a corner; -1 for none
+    parameter: R1  # (n,): position on the segment
+    inner: B1  # (n,): in the interior of a region, with all neighbours in the closed region
     chains: Chains
     periodic: PeriodicPairs
     metric: Metric = Metric(np.zeros((0, 3)), 1.0)  # of the map; Euclidean in the polish
@@ -148,34 +149,32 @@ class Constraints(NamedTuple):
 
 @record
 class Origins(NamedTuple):
-    density: Array  # (n,): wanted nodes per area
-    old: Array  # (n,) int32: index before, -1 for a new node
-    start_element: Array  # (n,) int32: element near the node in the mesh before
-    pinned: Array  # (n,) bool: edges between two pinned nodes are not split
-    is_new: Array  # (n,) bool: new in this round, and not collapsed, so that a round ends
-    non_manifold: Array  # (n,) bool: non-manifold nodes, into which no node is collapsed
-    longest: Array  # (n,): maximum length of a facet made by collapsing a node on a curve
+    density: R1  # (n,): wanted nodes per area
+    old: I1  # (n,): index before, -1 for a new node
+    start_element: I1  # (n,): element near the node in the mesh before
+    pinned: B1  # (n,): edges between two pinned nodes are not split
+    is_new: B1  # (n,): new in this round, and not collapsed, so that a round ends
+    non_manifold: B1  # (n,): non-manifold nodes, into which no node is collapsed
+    longest: R1  # (n,): maximum length of a facet made by collapsing a node on a curve
 
 
 @record
 class SurgeryScratch(NamedTuple):
-    around: Array  # (m,) int32: elements around a node
-    around_other: Array  # (m,) int32
-    stamp: Array  # (n,) int64
-    counter: Array  # (1,) int64
-    stack: Array  # (m,) int32: elements with edges to check for a flip
-    waiting: Array  # (m,) bool: elements in the stack
+    around: I1  # (m,): elements around a node
+    around_other: I1  # (m,)
+    stamp: L1  # (n,)
+    counter: L1  # (1,)
+    stack: I1  # (m,): elements with edges to check for a flip
+    waiting: B1  # (m,): elements in the stack
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "SurgeryScratch":
-        around, other, stack = (np.empty(elements, np.int32) for _ in range(3))
-        counter, stamp = np.zeros(1, np.int64), np.zeros(nodes, np.int64)
-        return cls(around, other, stamp, counter, stack, np.zeros(elements, bool))
+        return zeros(cls, elements, elements, nodes, 1, elements, elements)
 
 
 @record
 class OpenMesh(NamedTuple):
-    position: Array  # (n, 2)
+    position: R2  # (n, 2)
     elements: Elements
     constraints: Constraints
     pool: Pool
@@ -188,15 +187,15 @@ class OpenMesh(NamedTuple):
 class Trial(NamedTuple):
     """Function of order 1 (see also `Modes`) and the functional to minimise."""
 
-    value: Array  # (n,)
-    fixed: Array  # (n,) bool: Dirichlet value at the node or along its segment
-    on_chain: Array  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
+    value: R1  # (n,)
+    fixed: B1  # (n,): Dirichlet value at the node or along its segment
+    on_chain: R2  # (c, 2): Dirichlet values of a segment, as value at the origin and derivative
     # Half of the coefficient, a sixth of the source and half of the flux of every element. If the flux varies inside
     # regions, then a centre, to which the half refers, and the derivatives of its components. If the source varies,
     # then a centre, affine coordinates X, Y relative to the centre, and the coefficients of X^i Y^j, in the order of j
     # and then i; a function with a varying source has `Modes` at order 1 as well.
-    data: Array  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
-    nonlinear: Array  # (n,) bool: the node touches nonlinear material
+    data: R2  # (m, CONSTANTS), or (m, VARYING) for a varying flux, or (m, SOURCE_TERMS + terms)
+    nonlinear: B1  # (n,): the node touches nonlinear material
     laws: Laws  # replace the coefficient
 
 
@@ -215,10 +214,10 @@ class Reference(NamedTuple):
     L_2.
     """
 
-    mean: Array  # (functions,): integrals
-    mean_slope: Array  # (functions, 2): means of the gradients
-    product: Array  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
-    halves: Array  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
+    mean: R1  # (functions,): integrals
+    mean_slope: R2  # (functions, 2): means of the gradients
+    product: R3  # (functions, functions, 3): means of g1 h1, g1 h2 + g2 h1 and g2 h2 of gradients g and h
+    halves: R3  # (2, functions, functions): coefficients on (p, 0, 1) and (p, 2, 0), p the midpoint of 1 and 2
 
 
 STRAIGHT_SIDED, STRAIGHT_WITH_SOURCE = 7, 8  # kinds of `Points`
@@ -235,18 +234,18 @@ class Points(NamedTuple):
     polynomial of a varying source there.
     """
 
-    last: Array  # (9, 2) int32: numbers of points up to the last for linear and for nonlinear material
-    weight: Array  # (9, points): with sum 1 for each material
-    share: Array  # (9, points, 3): barycentric coordinates
-    value: Array  # (9, points, functions)
-    slope: Array  # (9, points, functions, 2): gradients
-    side: Array  # (9, points, 3, 3): value and gradient of the even function of each side
+    last: I2  # (9, 2): numbers of points up to the last for linear and for nonlinear material
+    weight: R2  # (9, points): with sum 1 for each material
+    share: R3  # (9, points, 3): barycentric coordinates
+    value: R3  # (9, points, functions)
+    slope: R4  # (9, points, functions, 2): gradients
+    side: R4  # (9, points, 3, 3): value and gradient of the even function of each side
 
 
 @record
 class Shapes(NamedTuple):
-    offset: Array  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
-    special: Array  # (m,) bool: the element has a curved side, or is around an axis
+    offset: R3  # (m, 3, 2): midside offsets, from the midpoint of the chord opposite to corner k to the curve
+    special: B1  # (m,): the element has a curved side, or is around an axis
     around: bool  # around an axis: coefficients are divided by x, and laws evaluated at |grad u| / x
 
 
@@ -266,46 +265,41 @@ class Block(NamedTuple):
     from the centre that are not held, and the bubbles. Shapes are given by d elements, u unknowns and b functions.
     """
 
-    size: Array  # (2,) int32: numbers of rows and of unknowns
-    own: Array  # (2,): value to which values are relative, and the value at the centre relative to this value
-    element: Array  # (d,) int32: element with the data of the row
-    end: Array  # (d, 3) int32: -1 for the centre, then the next corners counter-clockwise
-    held: Array  # (d, 3) bool: the coefficients of the side are not unknowns
-    dirichlet: Array  # (d, 3) bool: as in `Modes`
-    special: Array  # (d,) bool: as in `Shapes`
-    local: Array  # (d, b): coefficients
-    offset: Array  # (d, 3, 2): as in `Shapes`
-    dof: Array  # (d, b) int32: index of the unknown of every coefficient, -1 for none
-    sign: Array  # (d, b): factor from the unknown to the coefficient
-    far_end: Array  # (u,) int32: far end of the side of every unknown
-    part: Array  # (b,): coefficients of an element that is halved
-    added: Array  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
-    stiffness: Array  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
-    rest: Array  # (u,): first derivatives; then the solution with the factor
-    mixed: Array  # (u, 2): second derivatives by unknown and position; then the solution with the factor
-    correction: Array  # (u,): change of the unknowns to the minimum at the old position
-    response: Array  # (u,): further change of the unknowns due to a step of the node
+    size: I1  # (2,): numbers of rows and of unknowns
+    own: R1  # (2,): value to which values are relative, and the value at the centre relative to this value
+    element: I1  # (d,): element with the data of the row
+    end: I2  # (d, 3): -1 for the centre, then the next corners counter-clockwise
+    held: B2  # (d, 3): the coefficients of the side are not unknowns
+    dirichlet: B2  # (d, 3): as in `Modes`
+    special: B1  # (d,): as in `Shapes`
+    local: R2  # (d, b): coefficients
+    offset: R3  # (d, 3, 2): as in `Shapes`
+    dof: I2  # (d, b): index of the unknown of every coefficient, -1 for none
+    sign: R2  # (d, b): factor from the unknown to the coefficient
+    far_end: I1  # (u,): far end of the side of every unknown
+    part: R1  # (b,): coefficients of an element that is halved
+    added: R2  # (b, b + 3): derivatives by the coefficients of an element: second, first, mixed by x and y
+    stiffness: R2  # (u, u): second derivatives, in the lower triangle; then the Cholesky factor
+    rest: R1  # (u,): first derivatives; then the solution with the factor
+    mixed: R2  # (u, 2): second derivatives by unknown and position; then the solution with the factor
+    correction: R1  # (u,): change of the unknowns to the minimum at the old position
+    response: R1  # (u,): further change of the unknowns due to a step of the node
 
     @classmethod
     def of(cls, elements: int, functions: int) -> "Block":
         rows = max(elements, 4)  # a split edge has up to four
         unknowns = 1 + (rows + 1) * (functions // 3 - 1) + rows * (functions == 10)
-        numbers = np.empty(2, np.int32), np.empty(2), np.empty(rows, np.int32), np.empty((rows, 3), np.int32)
-        held, dirichlet = np.empty((2, rows, 3), bool)
-        marks = held, dirichlet, np.empty(rows, bool)
-        local, sign = np.empty((2, rows, functions))
-        dof, far_end = np.empty((rows, functions), np.int32), np.empty(unknowns, np.int32)
-        rest, correction, response = np.empty((3, unknowns))
-        added = np.empty(functions), np.empty((functions, functions + 3)), np.empty((unknowns, unknowns))
-        coefficients = local, np.empty((rows, 3, 2)), dof, sign, far_end
-        return cls(*numbers, *marks, *coefficients, *added, rest, np.empty((unknowns, 2)), correction, response)
+        sides, local = (rows, 3), (rows, functions)
+        marks = 2, 2, rows, sides, sides, sides, rows
+        coefficients = local, (*sides, 2), local, local, unknowns, functions, (functions, functions + 3)
+        return zeros(cls, *marks, *coefficients, (unknowns, unknowns), unknowns, (unknowns, 2), unknowns, unknowns)
 
 
 @record
 class Descent(NamedTuple):
     """Mesh and function with scratch of a thread."""
 
-    position: Array  # (n, 2)
+    position: R2  # (n, 2)
     elements: Elements
     star: Star
     constraints: Constraints
@@ -342,9 +336,9 @@ class Descents(NamedTuple):
 
 @record
 class Offers(NamedTuple):
-    gain: Array  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
-    cost: Array  # (n,): increase by the cheapest valid collapse of the node, inf without one
-    into: Array  # (n,) int32: neighbour into which the node is collapsed
-    open: Array  # (c,) bool: segments with edges that may be split
-    removable: Array  # (n,) bool: nodes that may be removed
-    locked: Array  # (m,) bool: elements changed by a split or a collapse, or about to be changed
+    gain: R2  # (m, 3): decrease by a split of the edge opposite to corner k, at the element of larger index
+    cost: R1  # (n,): increase by the cheapest valid collapse of the node, inf without one
+    into: I1  # (n,): neighbour into which the node is collapsed
+    open: B1  # (c,): segments with edges that may be split
+    removable: B1  # (n,): nodes that may be removed
+    locked: B1  # (m,): elements changed by a split or a collapse, or about to be changed

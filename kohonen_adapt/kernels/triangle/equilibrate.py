@@ -12,11 +12,9 @@ d = (x - y) / 2 are free. Tilts and circulation minimise the energy.
 
 from typing import NamedTuple
 
-import numpy as np
-
-from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.functionals import eliminate, substitute
-from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record
+from kohonen_adapt.kernels.numba.array_types import B1, I1, I2, R1, R2
+from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel, record, zeros
 from kohonen_adapt.kernels.triangle.geometry import corner_of, twice_area
 from kohonen_adapt.kernels.vectors import cross, dot, from_to, xy
 
@@ -30,34 +28,32 @@ class FluxData(NamedTuple):
     Nodes are counter-clockwise, and a side has the index of the opposite node.
     """
 
-    point: Array  # (n, 2)
-    node: Array  # (t, 3) int32
-    neighbour: Array  # (t, 3) int32: element across each side, NATURAL or GIVEN
-    outflow: Array  # (t, 3): discrete flux through each side
-    source: Array  # (t,)
-    reluctivity: Array  # (t,)
+    point: R2  # (n, 2)
+    node: I2  # (t, 3)
+    neighbour: I2  # (t, 3): element across each side, NATURAL or GIVEN
+    outflow: R2  # (t, 3): discrete flux through each side
+    source: R1  # (t,)
+    reluctivity: R1  # (t,)
 
 
 @record
 class Patch(NamedTuple):
-    element: Array  # (w,) int32
-    corner: Array  # (w,) int32: local index of the vertex
-    jump: Array  # (w + 2,) J, zero on the boundary
-    mean: Array  # (w + 2,) m
-    tilt: Array  # (w + 2,) d
-    held: Array  # (w + 2,) bool: fixed unknowns, the tilts of all edges followed by the circulation
-    matrix: Array  # (w + 2, w + 2)
-    load: Array  # (w + 2,)
-    gram: Array  # (4, 4): energy products of the four boundary values of an element
-    slope: Array  # (4,): energy products with the field of the source
-    values: Array  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
+    element: I1  # (w,)
+    corner: I1  # (w,): local index of the vertex
+    jump: R1  # (w + 2,) J, zero on the boundary
+    mean: R1  # (w + 2,) m
+    tilt: R1  # (w + 2,) d
+    held: B1  # (w + 2,): fixed unknowns, the tilts of all edges followed by the circulation
+    matrix: R2  # (w + 2, w + 2)
+    load: R1  # (w + 2,)
+    gram: R2  # (4, 4): energy products of the four boundary values of an element
+    slope: R1  # (4,): energy products with the field of the source
+    values: R1  # (4,): outward fluxes at the vertex and the other end, of the right and of the left edge
 
 
 def patch_scratch(width: int) -> Patch:
-    element, corner = np.zeros((2, width), np.int32)
-    jump, mean, tilt, load = np.zeros((4, width + 2))
-    held, matrix = np.zeros(width + 2, bool), np.zeros((width + 2, width + 2))
-    return Patch(element, corner, jump, mean, tilt, held, matrix, load, np.zeros((4, 4)), np.zeros(4), np.zeros(4))
+    rows = width + 2
+    return zeros(Patch, width, width, rows, rows, rows, rows, (rows, rows), rows, (4, 4), 4, 4)
 
 
 @kernel
