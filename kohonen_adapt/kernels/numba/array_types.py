@@ -9,7 +9,7 @@ from numba.types import boolean, float64, int8, int32, int64
 
 from kohonen_adapt.arrays import Array
 
-__all__ = ["B1", "B2", "I1", "I2", "I3", "L1", "R1", "R2", "R3", "R4", "S1", "S2"]
+__all__ = ["B1", "B2", "I1", "I2", "I3", "L1", "R1", "R2", "R3", "R4", "S1"]
 
 R1 = Annotated[Array, float64, 1]
 R2 = Annotated[Array, float64, 2]
@@ -20,6 +20,5 @@ I1 = Annotated[Array, int32, 1]
 I2 = Annotated[Array, int32, 2]
 I3 = Annotated[Array, int32, 3]
 S1 = Annotated[Array, int8, 1]
-S2 = Annotated[Array, int8, 2]
 B1 = Annotated[Array, boolean, 1]
 B2 = Annotated[Array, boolean, 2]

@@ -1,8 +1,7 @@
 """Array records of the kernels on triangles.
 
-Shapes are given by n nodes, m elements, r regions, c curve segments (`chain`) and k knots of tabulated segments. Arrays
-without a type are float64. Some tables have several columns because every array costs numba as much time as some lines
-of code. Kernels use the constants below for the columns, Python code uses the properties of the records.
+Shapes are given by n nodes, m elements, r regions, c curve segments (`chain`) and k knots of tabulated segments.
+Annotations are the types of arrays, for numba too.
 """
 
 from typing import NamedTuple
@@ -12,7 +11,7 @@ import numpy as np
 from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric, Modes, Pool
 from kohonen_adapt.kernels.functionals import Laws
-from kohonen_adapt.kernels.numba.array_types import B1, B2, I1, I2, L1, R1, R2, R3, R4, S1, S2
+from kohonen_adapt.kernels.numba.array_types import B1, B2, I1, I2, L1, R1, R2, R3, R4, S1
 from kohonen_adapt.kernels.numba.compilation import record, zeros
 
 FREE, SLIDING, HELD = 0, 1, 2  # degrees of freedom: in the plane, along a curve segment, none
@@ -20,9 +19,6 @@ STRAIGHT, ROUND, TABLED = 0, 1, 2  # shapes of curve segments
 
 # Columns of tables
 OWN, OTHER = 0, 1  # of `Constraints.chain`
-ORIGIN_X, ORIGIN_Y, DIRECTION_X, DIRECTION_Y, LENGTH = range(5)  # of `Chains.geometry`
-CURVATURE, REACH, MERGED, SAGITTA, EVEN = range(5, 10)
-SHAPE, CLOSED, PAIRED = 0, 1, 2  # of `Chains.flags`
 AT, AT_X, AT_Y, RATE_X, RATE_Y = range(5)  # of `Chains.knot`
 HALF_COEFFICIENT, SIXTH_SOURCE, HALF_FLUX_X, HALF_FLUX_Y, CENTRE_X, CENTRE_Y = range(6)  # of `Trial.data`
 # Number of constants, first columns of the derivatives of a varying flux, and number of columns with these derivatives
@@ -69,59 +65,23 @@ class Star(NamedTuple):
 
 @record
 class Chains(NamedTuple):
-    geometry: R2  # (c, 10): origin, direction, length, curvature, reach, merged, sagitta, even
-    flags: S2  # (c, 3): shape, closed, paired
+    shape: S1  # (c,): STRAIGHT, ROUND or TABLED
+    closed: B1  # (c,): without ends, so that the parameter is periodic
+    paired: B1  # (c,): with a periodic partner at the same parameters
+    origin: R2  # (c, 2): position at the parameter 0
+    direction: R2  # (c, 2): unit tangent at the origin
+    length: R1  # (c,): largest parameter
+    curvature: R1  # (c,): 1 / radius of ROUND segments, positive if counter-clockwise
+    reach: R1  # (c,): maximum length of a facet, due to its distance from the curve
+    merged: R1  # (c,): maximum length of two facets that a collapse joins
+    sagitta: R1  # (c,): maximum distance between curve and facets
+    even: R1  # (c,): length of equal facets that are as far from the curve as the input
     row: I1  # (c + 1,): segment c has the knots row[c] to row[c + 1]
     knot: R2  # (k, 5): parameter, position and derivative by the parameter of TABLED segments
 
     @classmethod
     def of(cls, count: int) -> "Chains":
-        flags, row = np.zeros((count, PAIRED + 1), np.int8), np.zeros(count + 1, np.int32)
-        return cls(np.zeros((count, EVEN + 1)), flags, row, np.empty((0, RATE_Y + 1)))
-
-    @property
-    def shape(self) -> Array:
-        return self.flags[:, SHAPE]  # sTRAIGHT, ROUND or TABLED
-
-    @property
-    def origin(self) -> Array:
-        return self.geometry[:, ORIGIN_X : ORIGIN_Y + 1]  # position at the parameter 0, shape (c, 2)
-
-    @property
-    def direction(self) -> Array:
-        return self.geometry[:, DIRECTION_X : DIRECTION_Y + 1]  # unit tangent at the origin, shape (c, 2)
-
-    @property
-    def length(self) -> Array:
-        return self.geometry[:, LENGTH]  # largest parameter
-
-    @property
-    def curvature(self) -> Array:
-        return self.geometry[:, CURVATURE]  # 1 / radius of ROUND segments, positive if counter-clockwise
-
-    @property
-    def closed(self) -> Array:
-        return self.flags[:, CLOSED].view(np.bool_)  # mask of segments without ends, on which the parameter is periodic
-
-    @property
-    def reach(self) -> Array:
-        return self.geometry[:, REACH]  # maximum length of a facet, due to its distance from the curve
-
-    @property
-    def merged(self) -> Array:
-        return self.geometry[:, MERGED]  # maximum length of two facets that a collapse joins
-
-    @property
-    def sagitta(self) -> Array:
-        return self.geometry[:, SAGITTA]  # maximum distance between curve and facets
-
-    @property
-    def even(self) -> Array:
-        return self.geometry[:, EVEN]  # length of equal facets that are as far from the curve as the input
-
-    @property
-    def paired(self) -> Array:
-        return self.flags[:, PAIRED].view(np.bool_)  # mask of segments with periodic partners at the same parameters
+        return zeros(cls, *[count] * 3, *[(count, 2)] * 2, *[count] * 6, count + 1, (0, RATE_Y + 1))
 
 
 @record

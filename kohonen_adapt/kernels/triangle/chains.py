@@ -16,19 +16,10 @@ from kohonen_adapt.kernels.triangle.arrays import (
     AT,
     AT_X,
     AT_Y,
-    CLOSED,
-    CURVATURE,
-    DIRECTION_X,
-    DIRECTION_Y,
-    LENGTH,
-    ORIGIN_X,
-    ORIGIN_Y,
     OWN,
     RATE_X,
     RATE_Y,
-    REACH,
     ROUND,
-    SHAPE,
     SLIDING,
     STRAIGHT,
     TABLED,
@@ -56,42 +47,32 @@ BISECTIONS = 45  # of a span between knots, one bit of the nearest point each
 
 
 @inner_kernel
-def origin_of(chains, c):
-    return chains.geometry[c, ORIGIN_X], chains.geometry[c, ORIGIN_Y]
-
-
-@inner_kernel
-def direction_of(chains, c):
-    return chains.geometry[c, DIRECTION_X], chains.geometry[c, DIRECTION_Y]
-
-
-@inner_kernel
 def rotated(a, angle):
     return weighted(math.cos(angle), a, math.sin(angle), turned(a))
 
 
 @inner_kernel
 def point_at(chains, c, parameter):
-    if chains.flags[c, SHAPE] == STRAIGHT:
-        return plus_times(origin_of(chains, c), parameter, direction_of(chains, c))
-    if chains.flags[c, SHAPE] == ROUND:
+    if chains.shape[c] == STRAIGHT:
+        return plus_times(xy(chains.origin, c), parameter, xy(chains.direction, c))
+    if chains.shape[c] == ROUND:
         # along a chord from the origin, exact for any radius
-        half = 0.5 * chains.geometry[c, CURVATURE] * parameter
-        chord = 2.0 * math.sin(half) / chains.geometry[c, CURVATURE]
-        return plus_times(origin_of(chains, c), chord, rotated(direction_of(chains, c), half))
+        half = 0.5 * chains.curvature[c] * parameter
+        chord = 2.0 * math.sin(half) / chains.curvature[c]
+        return plus_times(xy(chains.origin, c), chord, rotated(xy(chains.direction, c), half))
     k = knot_before(chains, c, parameter)
     return on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))[0]
 
 
 @inner_kernel
 def tangent_at(chains, c, parameter):
-    if chains.flags[c, SHAPE] == ROUND:
-        return rotated(direction_of(chains, c), chains.geometry[c, CURVATURE] * parameter)
-    if chains.flags[c, SHAPE] == TABLED:
+    if chains.shape[c] == ROUND:
+        return rotated(xy(chains.direction, c), chains.curvature[c] * parameter)
+    if chains.shape[c] == TABLED:
         k = knot_before(chains, c, parameter)
         x, y = on_span(chains.knot, k, span_fraction(chains.knot, k, parameter))[1]
         return divided((x, y), math.hypot(x, y))
-    return direction_of(chains, c)
+    return xy(chains.direction, c)
 
 
 @inner_kernel
@@ -100,17 +81,17 @@ def nearest_parameter(chains, c, x, near):
 
     The search on a tabled segment begins at the parameter `near`.
     """
-    if chains.flags[c, SHAPE] == TABLED:
+    if chains.shape[c] == TABLED:
         return nearest_on_table(chains, c, x, near)
-    offset, tangent = minus(x, origin_of(chains, c)), direction_of(chains, c)
-    length = chains.geometry[c, LENGTH]
+    offset, tangent = minus(x, xy(chains.origin, c)), xy(chains.direction, c)
+    length = chains.length[c]
     along = dot(offset, tangent)
-    if chains.flags[c, SHAPE] == STRAIGHT:
+    if chains.shape[c] == STRAIGHT:
         return min(length, max(0.0, along))
-    curvature = chains.geometry[c, CURVATURE]
+    curvature = chains.curvature[c]
     angle = math.atan2(curvature * along, 1.0 - curvature * cross(tangent, offset))
     parameter, turn = angle / curvature, 2.0 * math.pi / abs(curvature)
-    if chains.flags[c, CLOSED]:
+    if chains.closed[c]:
         return parameter + turn if parameter < 0.0 else parameter
     if parameter < 0.0:
         parameter = 0.0 if -parameter <= turn + parameter - length else parameter + turn
@@ -125,8 +106,8 @@ def parameter_of(position, constraints, c, v):
         return constraints.parameter[v]
     x = xy(position, v)
     chains = constraints.chains
-    if squared_to_parameter(chains, c, chains.geometry[c, LENGTH], x) < squared_to_parameter(chains, c, 0.0, x):
-        return chains.geometry[c, LENGTH]
+    if squared_to_parameter(chains, c, chains.length[c], x) < squared_to_parameter(chains, c, 0.0, x):
+        return chains.length[c]
     return 0.0
 
 
@@ -139,22 +120,22 @@ def distance_to_chain(chains, c, x, near):
 @inner_kernel
 def signed_distance(chains, c, start, end):
     distance = end - start
-    if chains.flags[c, CLOSED]:
-        if distance > 0.5 * chains.geometry[c, LENGTH]:
-            distance -= chains.geometry[c, LENGTH]
-        elif distance < -0.5 * chains.geometry[c, LENGTH]:
-            distance += chains.geometry[c, LENGTH]
+    if chains.closed[c]:
+        if distance > 0.5 * chains.length[c]:
+            distance -= chains.length[c]
+        elif distance < -0.5 * chains.length[c]:
+            distance += chains.length[c]
     return distance
 
 
 @inner_kernel
 def advanced_parameter(chains, c, start, distance):
     parameter = start + distance
-    if chains.flags[c, CLOSED]:
+    if chains.closed[c]:
         if parameter < 0.0:
-            parameter += chains.geometry[c, LENGTH]
-        elif parameter >= chains.geometry[c, LENGTH]:
-            parameter -= chains.geometry[c, LENGTH]
+            parameter += chains.length[c]
+        elif parameter >= chains.length[c]:
+            parameter -= chains.length[c]
     return parameter
 
 
@@ -173,7 +154,7 @@ def within_reach(mesh, c, v, x):
     A facet is too long if longer than the reach of segment `c` and longer than before.
     """
     position, elements, star = mesh.position, mesh.elements, mesh.star
-    reach = mesh.constraints.chains.geometry[c, REACH]
+    reach = mesh.constraints.chains.reach[c]
     if reach == np.inf:
         return True
     for k in rows_of(star, v):
@@ -250,7 +231,7 @@ def next_knot(chains, c, k, direction):
     first = chains.row[c]
     last = chains.row[c + 1] - 1
     k += direction
-    if chains.flags[c, CLOSED]:
+    if chains.closed[c]:
         return last - 1 if k < first else (first if k >= last else k)
     return max(first, min(last, k))
 
@@ -296,7 +277,7 @@ def farthest_from_facets(position, elements, constraints):
     for e in range(elements.node.shape[0]):
         for k in range(3):
             c = elements.chain[e, k]
-            if c < 0 or chains.flags[c, SHAPE] == STRAIGHT:
+            if c < 0 or chains.shape[c] == STRAIGHT:
                 continue
             a, b = ends_of(elements.node, e, k)
             x, _ = midpoint_on_chain(position, constraints, c, a, b)

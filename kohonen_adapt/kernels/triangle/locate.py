@@ -16,7 +16,6 @@ from kohonen_adapt.kernels.search import (
     size_at_side,
     walk_in_region,
 )
-from kohonen_adapt.kernels.triangle.arrays import SAGITTA
 from kohonen_adapt.kernels.triangle.chains import distance_to_chain, parameter_of
 from kohonen_adapt.kernels.triangle.metric import factor_at
 from kohonen_adapt.kernels.vectors import cross, dot, from_to, mapped, minus, squared_distance, xy
@@ -39,9 +38,9 @@ def behind_curve(position, elements, constraints, e, x):
     chains = constraints.chains
     for k in range(3):
         c = elements.chain[e, k]
-        if c >= 0 and chains.geometry[c, SAGITTA] > 0.0 and size_at_side(position, elements.node, e, k, x) < 0.0:
+        if c >= 0 and chains.sagitta[c] > 0.0 and size_at_side(position, elements.node, e, k, x) < 0.0:
             near = parameter_of(position, constraints, c, elements.node[e, (k + 1) % 3])
-            if distance_to_chain(chains, c, x, near)[0] <= chains.geometry[c, SAGITTA] * chains.geometry[c, SAGITTA]:
+            if distance_to_chain(chains, c, x, near)[0] <= chains.sagitta[c] * chains.sagitta[c]:
                 return True
     return False
 

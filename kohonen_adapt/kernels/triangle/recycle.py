@@ -9,7 +9,6 @@ import numpy as np
 
 from kohonen_adapt.kernels.heap import insert, remove_first
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
-from kohonen_adapt.kernels.triangle.arrays import PAIRED
 from kohonen_adapt.kernels.triangle.flip import flip_edge, may_flip, push, should_flip
 from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corners_around, ends_of
 from kohonen_adapt.kernels.triangle.metric import effective_element_quality
@@ -161,7 +160,7 @@ def split_longest(mesh, longest, least, floor, flips):
         a, b = ends_of(elements.node, e, k)
         c = elements.chain[e, k]
         x, parameter = midpoint(mesh, c, a, b)
-        if c >= 0 and constraints.chains.flags[c, PAIRED]:
+        if c >= 0 and constraints.chains.paired[c]:
             continue  # nodes of periodic pairs are neither created nor removed
         if may_split(mesh, e, k, floor, x):
             return split(mesh, e, k, x, parameter), a, -key

@@ -7,7 +7,7 @@ optimization schemes based on optimal Delaunay triangulations", Comput. Methods 
 from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH, HALVINGS, MOVED
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
     nearest_parameter,
@@ -58,7 +58,7 @@ def sweep(mesh, shape, weight, circumcentres, floor, order, interior, which):
         chain = constraints.chain[v, OWN]
         parameter = constraints.parameter[v]
         distance = signed_distance(chains, chain, parameter, nearest_parameter(chains, chain, x, parameter))
-        if chains.flags[chain, PAIRED]:
+        if chains.paired[chain]:
             w = constraints.periodic.partner[v]
             if w < v:  # each pair once
                 continue
@@ -101,7 +101,7 @@ def slide_along_chain(mesh, v, distance, floor):
     cause = MOVED
     for _ in range(HALVINGS + 1):
         parameter = advanced_parameter(chains, chain, constraints.parameter[v], distance)
-        if chains.flags[chain, PAIRED]:
+        if chains.paired[chain]:
             cause = slide_pair(mesh, v, parameter, floor)
         else:
             cause = slide(mesh, v, parameter, floor)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.triangle.arrays import FREE, MERGED, OTHER, OWN, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import midpoint_on_chain
 from kohonen_adapt.kernels.triangle.geometry import allowed, corner_of, corner_towards, ends_of, may_join
 from kohonen_adapt.kernels.triangle.metric import (
@@ -242,7 +242,7 @@ def count_marked(mesh, w, mark):
 def joins_within_reach(mesh, v, w, other, c):
     if c < 0:
         return True
-    longest = min(mesh.constraints.chains.geometry[c, MERGED], mesh.origins.longest[v])
+    longest = min(mesh.constraints.chains.merged[c], mesh.origins.longest[v])
     return squared_distance(mesh.position, other, xy(mesh.position, w)) <= longest * longest
 
 

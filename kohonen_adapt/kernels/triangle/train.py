@@ -9,7 +9,7 @@ from kohonen_adapt.kernels.arrays import BY_QUALITY, BY_REACH
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.search import next_stamp
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, OWN, PAIRED, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OTHER, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import (
     advanced_parameter,
     distance_to_chain,
@@ -59,7 +59,7 @@ def learn(mesh, lesson, rate, floor, is_valid, scratch):
                 elif kind[v] == SLIDING:
                     chain = constraints.chain[v, OWN]
                     parameter = stepped_parameter(constraints, chain, v, x, step)
-                    if chains.flags[chain, PAIRED]:
+                    if chains.paired[chain]:
                         cause = slide_pair(mesh, v, parameter, floor)
                         by_quality += cause == BY_QUALITY
                         by_reach += cause == BY_REACH

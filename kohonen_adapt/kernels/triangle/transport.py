@@ -10,7 +10,7 @@ import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, PAIRED, REACH, SLIDING
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import (
     FLAT,
@@ -126,7 +126,7 @@ def length_of(position, a, b):
 @inner_kernel
 def project_on_boundary(constraints, v, move):
     chain = constraints.chain[v, OWN]
-    if constraints.kind[v] == HELD or constraints.chains.flags[chain, PAIRED]:
+    if constraints.kind[v] == HELD or constraints.chains.paired[chain]:
         put(move, v, (0.0, 0.0))
         return
     tangent = tangent_at(constraints.chains, chain, constraints.parameter[v])
@@ -228,7 +228,7 @@ def slow_node(position, target, parameter, constraints, v, rings, ring, queue, l
 def place_on_boundary(target, parameter, constraints, v):
     chain = constraints.chain[v, OWN]
     chains = constraints.chains
-    if not chains.flags[chain, PAIRED]:
+    if not chains.paired[chain]:
         parameter[v] = nearest_parameter(chains, chain, xy(target, v), constraints.parameter[v])
     put(target, v, point_at(chains, chain, parameter[v]))
 
@@ -239,10 +239,10 @@ def mark_too_long(position, target, elements, chains, spoiled):
     for e in range(spoiled.shape[0]):
         for k in range(3):
             c = elements.chain[e, k]
-            if c >= 0 and chains.geometry[c, REACH] < np.inf and not spoiled[e]:
+            if c >= 0 and chains.reach[c] < np.inf and not spoiled[e]:
                 a, b = ends_of(elements.node, e, k)
                 length, before = length_of(target, a, b), length_of(position, a, b)
-                spoiled[e] = length > chains.geometry[c, REACH] and length > before
+                spoiled[e] = length > chains.reach[c] and length > before
                 found += spoiled[e]
     return found
 

@@ -7,7 +7,7 @@ import numpy as np
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.triangle.arrays import BLOCK, FREE, HELD, OWN, POSITION, ROWS, UNKNOWNS, VALUE, WITHOUT
-from kohonen_adapt.kernels.triangle.chains import direction_of, point_at
+from kohonen_adapt.kernels.triangle.chains import point_at
 from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.triangle.polish import linear
 from kohonen_adapt.kernels.triangle.polish.linear import TRIES, around, improve_value, least_parabola
@@ -86,7 +86,7 @@ def eliminated(descent, v, chain, first):
     block = descent.block
     magnitude, now, gradient, hessian = derivatives(descent, xy(descent.position, v), POSITION)
     if chain >= 0:
-        tangent, rate = direction_of(descent.constraints.chains, chain), rate_of(descent.trial, chain, first)
+        tangent, rate = xy(descent.constraints.chains.direction, chain), rate_of(descent.trial, chain, first)
         gradient = dot(tangent, gradient) + rate * block.rest[0], 0.0
         curvature = curvature_along(tangent, hessian)
         for i in range(block.size[UNKNOWNS]):
@@ -121,7 +121,7 @@ def linear_eliminated(position, star, constraints, trial, v, chain, first):
     """
     magnitude, now, gradient, by_w, hessian, mixed, ww = linear.derivatives(position, star, trial, v)
     if chain >= 0:
-        tangent, rate = direction_of(constraints.chains, chain), rate_of(trial, chain, first)
+        tangent, rate = xy(constraints.chains.direction, chain), rate_of(trial, chain, first)
         along = dot(tangent, mixed)
         gradient = dot(tangent, gradient) + rate * by_w, 0.0
         hessian = curvature_along(tangent, hessian) + (2.0 * along + rate * ww) * rate, 0.0, 0.0
