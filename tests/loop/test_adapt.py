@@ -14,8 +14,6 @@ from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt import AdaptResult, Status
-from kohonen_adapt.loop.growth import Growth
-from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.mesh.measures import area
 
 NODES = MESH.nvertices
@@ -127,84 +125,61 @@ def test_tiny_and_huge_indicators_are_not_lost():
 # ---- what the map is asked ----
 
 
-def test_layers_reach_the_map():
-    strip = MeshTri.init_tensor(np.linspace(0.0, 2.0, 9), np.linspace(0.0, 0.2, 3))
-    strip = strip.with_subdomains({"strip": np.arange(strip.nelements)})
+STRIP = MeshTri.init_tensor(np.linspace(0.0, 2.0, 9), np.linspace(0.0, 0.2, 3)).with_subdomains(
+    {"strip": np.arange(32)}
+)
+SIDES = square(6).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
+PAIRS = {"pairs": (("left", "right"),)}
+PERIODIC, LAYERS, PINNED = {"periodic": [("left", "right")]}, {"layers": {"strip": 2}}, {"pinned": "left"}
+ASKED = [  # mesh, attributes of the problem, options of the loop, and of `relocate`
+    *(
+        (MESH, {"order": order, "norm": norm}, {"topology": topology}, {})
+        for topology in ("fixed", "flip", "recycle")
+        for order, norm in [(1, "energy"), (2, "L2"), (2, "energy")]
+    ),
+    (STRIP, {}, LAYERS, LAYERS),
+    (SIDES, {}, PERIODIC, PERIODIC),
+    (SIDES, PAIRS, {}, PERIODIC),
+    (SIDES, PAIRS, {"periodic": ()}, {}),
+    (SIDES, {}, PINNED, PINNED),
+]
+SEED = int(np.random.SeedSequence((0, 1)).generate_state(1)[0])
+
+
+@pytest.mark.parametrize(("mesh", "attributes", "options", "more"), ASKED)
+def test_the_first_relocation_is_as_asked(mesh, attributes, options, more):
     problem = Left()
-    with pytest.raises(ValueError, match=r"subdomain 'strip'"):
-        adapt(strip, problem, layers={"strip": 3}, topology="flip")  # with "recycle" it is made
-    assert problem.solves == 0
-    kept, free = (adapt(strip, Left(), passes=1, layers=layers).history[1].mesh for layers in ({"strip": 2}, None))
-    sides = [np.isin(kept.p[1], height)[kept.t].any(axis=0) for height in (0.0, 0.2)]
-    assert not np.any(sides[0] & sides[1])  # no element from side to side
-    assert not np.array_equal(kept.p, free.p)
-
-
-def test_every_pass_has_a_seed_of_its_own_and_the_same_one_next_time():
-    def drawn(seed, number):
-        settings = Settings(ka.Rules(), None, seed, False, Growth(NODES, NODES, NODES, 1), {})
-        return settings.rng(number).random()
-
-    draws = [drawn(seed, number) for seed in (0, 0, 1) for number in (1, 2)]
-    assert draws[:2] == draws[2:4]
-    assert len({*draws}) == 4
-
-
-@pytest.mark.parametrize("topology", ["fixed", "flip", "recycle"])
-@pytest.mark.parametrize(("order", "norm"), [(1, "energy"), (2, "L2"), (2, "energy")])
-def test_the_first_relocation_is_that_to_the_density_of_order_and_norm(order, norm, topology):
-    problem = Left()
-    problem.order, problem.norm = order, norm
-    first, second = adapt(MESH, problem, passes=1, topology=topology).history
+    vars(problem).update(attributes)
+    given = {"topology": "flip", **options}
+    first, second = adapt(mesh, problem, passes=1, **given).history
     assert first.energy_norm is None
-    wanted = {"topology": topology, "seed": int(np.random.SeedSequence((0, 1)).generate_state(1)[0])}
-    if topology == "fixed":  # elements whose edges stay have no directions
-        density, other = (
-            ka.density_from_indicators(MESH, first.indicators, order=degree, norm=norm) for degree in (order, 4)
-        )
-    else:
-        density, other = (
-            ka.metric_from_hessian(MESH, problem.solve(MESH), first.indicators, order=degree, norm=norm)
-            for degree in (order, 4)
-        )
-    assert_allclose(second.mesh.p, ka.relocate(MESH, density, **wanted).p, rtol=0, atol=1e-12)
-    assert not np.array_equal(second.mesh.p, ka.relocate(MESH, other, **wanted).p)
+
+    def moved(order, **more):
+        asked = {"order": order, "norm": attributes.get("norm", "energy")}
+        if given["topology"] == "fixed":  # elements whose edges stay have no directions
+            density = ka.density_from_indicators(mesh, first.indicators, **asked)
+        else:
+            density = ka.metric_from_hessian(mesh, problem.solve(mesh), first.indicators, **asked)
+        return ka.relocate(mesh, density, topology=given["topology"], seed=SEED, **more).p
+
+    order = attributes.get("order", 1)
+    assert_allclose(second.mesh.p, moved(order, **more), rtol=0, atol=1e-12)
+    assert not np.array_equal(second.mesh.p, moved(order) if more else moved(4))
 
 
-# ---- the problem's pairs ----
-
-
-class Paired(Left):
-    """Periodic from left to right, with its error in the lower left corner: each side wants heights of its own."""
-
-    pairs = (("left", "right"),)
-
-    def solve(self, mesh):
-        return super().solve(mesh) + mesh.p[1]
-
-
-def paired_mesh():
-    return square(6).with_boundaries({"left": lambda x: x[0] == 0.0, "right": lambda x: x[0] == 1.0})
-
-
-def heights(step, x):
-    """The sorted heights of the nodes on the line at x."""
-    return np.sort(step.mesh.p[1, step.mesh.p[0] == x])
-
-
-def test_without_periodic_the_pairs_are_those_of_the_problem():
-    step = adapt(paired_mesh(), Paired(), passes=1, topology="flip").history[1]
-    assert_array_equal(heights(step, 0.0), heights(step, 1.0))
-    given = adapt(paired_mesh(), Paired(), passes=1, topology="flip", periodic=[("left", "right")]).history[1]
-    assert_array_equal(step.mesh.p, given.mesh.p)
-    assert np.any(heights(step, 0.0) != np.linspace(0.0, 1.0, 7))
-    free = adapt(paired_mesh(), Paired(), passes=1, topology="flip", periodic=()).history[1]  # empty means none
-    assert not np.array_equal(heights(free, 0.0), heights(free, 1.0))
-
-
-def test_the_pairs_of_the_problem_are_refused_before_anything_is_solved():
-    with pytest.raises(ValueError, match="'left', which is no boundary of the mesh"):
-        adapt(MESH, Paired())
+@pytest.mark.parametrize(
+    ("mesh", "attributes", "options", "said"),
+    [
+        (MESH, PAIRS, {}, "'left', which is no boundary of the mesh"),
+        (STRIP, {}, {"layers": {"strip": 3}, "topology": "flip"}, "subdomain 'strip'"),  # with "recycle" it is made
+    ],
+)
+def test_what_the_mesh_cannot_have_is_refused_before_anything_is_solved(mesh, attributes, options, said):
+    problem = Left()
+    vars(problem).update(attributes)
+    with pytest.raises(ValueError, match=said):
+        adapt(mesh, problem, **options)
+    assert problem.solves == 0
 
 
 def test_a_warm_start_from_the_second_solve_on():
