@@ -1,6 +1,7 @@
 """Meshes with names for the tests of files, and Gmsh where it can be imported."""
 
 from contextlib import contextmanager
+from math import factorial
 
 import meshio
 import numpy as np
@@ -117,6 +118,23 @@ def groups_in_gmsh(path):
             places = np.array([[model.mesh.getNode(node)[0] for node in row] for row in rows])
             groups[dimension, tag] = model.getPhysicalName(dimension, tag), rows, places
     return groups
+
+
+def measures(corners):
+    """Lengths, areas or volumes of simplices by their corners (count, corners, dim); of points 1."""
+    edges = corners[:, 1:] - corners[:, :1]
+    return np.sqrt(np.linalg.det(edges @ edges.transpose(0, 2, 1))) / factorial(edges.shape[1])
+
+
+def sizes(mesh):
+    """What subdomains and boundaries measure, by name."""
+    return [
+        {
+            name: round(float(measures(mesh.p.T[nodes[:, np.asarray(rows)].T]).sum()), 9)
+            for name, rows in (names or {}).items()
+        }
+        for names, nodes in ((mesh.subdomains, mesh.t), (mesh.boundaries, mesh.facets))
+    ]
 
 
 def as_list(mesh, values, name="f", kind="ST"):
