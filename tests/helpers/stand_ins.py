@@ -40,6 +40,18 @@ class Script:
         return self.energy
 
 
+class Without:
+    """A problem that lacks some of its methods."""
+
+    def __init__(self, problem, *names):
+        self.problem, self.names = problem, names
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name in self.names:
+            raise AttributeError(name)
+        return getattr(self.problem, name)
+
+
 def script_of(*values):
     """An output that has the k-th value on the k-th mesh; an exception in its place is raised."""
 

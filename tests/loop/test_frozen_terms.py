@@ -1,63 +1,28 @@
 """A functional with a term frozen at the solution is another one in every pass, and compares no passes."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from helpers.meshes import on_rim
+from helpers.layer import Layer
 from helpers.scalar_problems import Gaussians
-from scipy.sparse.linalg import eigsh
-from skfem import Basis, BilinearForm, ElementTriP1, MeshTri
-from skfem.helpers import dot, grad
+from skfem import MeshTri
 
 import kohonen_adapt as ka
 
-EXACT = 9.6397238440219  # first eigenvalue of -lap on the L-shape (Betcke and Trefethen, SIAM Review 47, 2005)
 
-
-@cache
-def pair_of(points, elements):
-    """Of the coordinates and the corners of elements, as bytes."""
-    return pair_on(MeshTri(np.frombuffer(points).reshape(2, -1), np.frombuffer(elements, np.int64).reshape(3, -1)))
-
-
-def pair(mesh):
-    return pair_of(mesh.p.tobytes(), mesh.t.astype(np.int64).tobytes())
-
-
-def pair_on(mesh):
-    basis, inside = Basis(mesh, ElementTriP1()), mesh.interior_nodes()
-    stiffness = BilinearForm(lambda u, v, w: dot(grad(u), grad(v))).assemble(basis)[inside][:, inside]
-    mass = BilinearForm(lambda u, v, w: u * v).assemble(basis)[inside][:, inside]
-    value, vector = eigsh(stiffness, 1, mass, sigma=9.0, v0=np.ones(len(inside)))
-    solution = np.zeros(mesh.nvertices)
-    solution[inside] = vector[:, 0] * np.sign(vector.sum())
-    return float(value[0]), solution
-
-
-class Membrane:
-    """-lap u = lambda u, with the right side frozen in the functional."""
-
-    calibrated = True
+class Frozen(Layer):
+    """-lap u + 50 u = f, with the second term frozen in the functional."""
 
     def __init__(self, **options):
+        super().__init__(20.0, reaction=50.0)
         self.options = options
 
-    def solve(self, mesh):
-        return pair(mesh)[1]
-
-    def indicators(self, mesh, solution):
-        source = pair(mesh)[0] * solution[mesh.t].mean(axis=0)
-        return ka.estimators.recovery(mesh, solution, np.ones(mesh.nelements), source=source)
-
     def ritz(self, mesh, solution):
-        value, fixed = pair(mesh)[0], on_rim(mesh)
-
         def source(x, region):
-            return value * np.asarray(ka.interpolate(mesh, solution, x))
+            return self.source(x) - self.reaction * np.asarray(ka.interpolate(mesh, solution, x))
 
-        return ka.Ritz(solution, fixed, 1.0, source, **self.options)
+        return replace(super().ritz(mesh, solution), source=source, **self.options)
 
 
 @pytest.mark.parametrize(
@@ -68,11 +33,8 @@ class Membrane:
     ],
 )
 def test_passes_with_a_frozen_term_compare_by_the_estimate(options, reason):
-    mesh = MeshTri.init_lshaped().refined(3)
-    result = ka.adapt(mesh, Membrane(**options), passes=2)
-    before, after = (pair(each)[0] / EXACT - 1.0 for each in (mesh, result.mesh))
-    assert after < 0.3 * before
-    assert result.estimate == min(step.estimate for step in result.history)
+    result = ka.adapt(MeshTri().refined(4), Frozen(**options), passes=2)
+    assert result.estimate == min(step.estimate for step in result.history) < result.history[0].estimate
     assert result.message.endswith(f" Passes were compared by the estimate, because {reason}")
 
 

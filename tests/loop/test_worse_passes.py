@@ -9,7 +9,7 @@ from helpers.meshes import centres, square
 from helpers.poisson_solids import Minimised, fichera
 from helpers.results import assert_same
 from helpers.scalar_problems import Gaussians, magnet, magnet_mesh
-from helpers.stand_ins import killed_at
+from helpers.stand_ins import Without, killed_at
 from hypothesis import given
 from hypothesis import strategies as st
 from skfem import MeshTet, MeshTri
@@ -68,14 +68,8 @@ def test_nor_in_space(order, seed, times, passes):
     assert_no_worse_than_the_polish(polished(mesh, problem, times), problem, passes=passes)
 
 
-class Misled:
+class Misled(Without):
     """A problem with indicators that fade away from a corner without much error, where the map moves the nodes."""
-
-    def __init__(self, problem):
-        self.problem = problem
-
-    def __getattr__(self, name):
-        return getattr(self.problem, name)
 
     def indicators(self, mesh, solution):
         to_corner = centres(mesh) - 0.8
@@ -116,6 +110,13 @@ def test_the_only_pass_is_followed_by_one_if_the_input_is_better(adapted):
     mesh, problem, _ = adapted
     result = ka.adapt(mesh, problem, passes=1)
     assert [step.number for step in result.history] == [0, 1, 2] and result.best.number == 2
+
+
+def test_a_mesh_that_grows_keeps_the_nodes_of_the_best_and_splits_edges():
+    start, problem = adapted_magnet()
+    history = ka.adapt(start, problem, passes=3, target_nodes=447).history
+    assert [step.mesh.nvertices for step in history] == [441, 444, 447, 447]
+    assert history[1].functional > history[0].functional > history[2].functional
 
 
 def test_a_sweep_that_is_undone_leaves_every_coefficient_as_it_was():
