@@ -242,7 +242,6 @@ def wrong(old, new, *said):
         wrong("scale = 1e-3", "scal = 1e-3", "'scal' is not a key of a case. Did you mean 'scale'? Known: mesh, scale"),
         wrong("scale = 1e-3", "axisymmetric = 1", "axisymmetric must be true or false; got 1."),
         wrong("scale = 1e-3", "order = 9", 'order must be a whole number from 1 to 8, or "auto"; got 9.'),
-        wrong("scale = 1e-3", "order = true", 'order must be a whole number from 1 to 8, or "auto"; got True.'),
         wrong(
             "scale = 1e-3",
             'estimator = "residul"',
@@ -280,7 +279,6 @@ def wrong(old, new, *said):
         ),
         wrong("permeability = 1000.0", "bh = [[1, 2]]", "materials.iron.bh: bh must have at least two points besides"),
         wrong("permeability = 1000.0", 'bh = "none.csv"', "materials.iron.bh must name a file with a table of B and H"),
-        wrong("permeability = 1000.0", 'bh = "/dev/zero"', "materials.iron.bh must name a file with a table of B and"),
         wrong("permeability = 1000.0", 'bh = "\\u0000"', "materials.iron.bh"),
         wrong("permeability = 1000.0", f'bh = "{"x" * 5000}"', "materials.iron.bh"),
         wrong(
@@ -289,7 +287,6 @@ def wrong(old, new, *said):
             "materials.iron.bh.law is missing; it must be one of 'brauer', 'fr",
         ),
         wrong("permeability = 1000.0", 'bh = {law = "bauer"}', "got 'bauer'. Did you mean 'brauer'?"),
-        wrong("permeability = 1000.0", 'bh = {law = "brauer", k1 = 1}', "materials.iron.bh.k2 is missing"),
         wrong(
             "permeability = 1000.0",
             'bh = {law = "brauer", k1 = 1e9, k2 = 1, k3 = 1}',
@@ -318,7 +315,6 @@ def wrong(old, new, *said):
         wrong("outer = 0.0", "outer = 0.0\n[ampere_turns]\ncoil = 1", "ampere_turns has 'coil', which is not among"),
         wrong("passes = 4", "passes = 4.0", "adapt.passes must be an integer up to 2147483647; got 4.0."),
         wrong("passes = 4", "curves = {a = {radius = 1}}", "adapt.curves.a.curve is missing; it must be one of 'arc',"),
-        wrong("passes = 4", 'curves = {a = {curve = "arc", radius = 1}}', "adapt.curves.a.centre is missing"),
         wrong(
             "passes = 4",
             'curves = {a = {curve = "line", start = [0, 0], end = [0, 0]}}',
@@ -346,11 +342,6 @@ def wrong(old, new, *said):
         wrong("min_quality = 0.3", "[outputs.f]\nquantity = 'force'\nbody = 'a'", "outputs.f.component is missing"),
         wrong(
             "min_quality = 0.3",
-            "[outputs.f]\nquantity = 'energy'\nbody = 'a'",
-            "'outputs.f.body' is not a key of a case.",
-        ),
-        wrong(
-            "min_quality = 0.3",
             "[outputs.f]\nquantity = 'flux_linkage'\ncoil = []",
             "outputs.f: a body or a coil must be at least one subdomain; got an empty list.",
         ),
@@ -375,13 +366,8 @@ def test_a_wrong_case_names_file_and_key(text, said, tmp_path):
             "mesh: scale must be a positive number, 1e-3 for a drawing in millimetres; got -1",
         ),
         ("passes = 4", "passes = -1", "adapt: passes must be an integer >= 0; got -1."),
-        ("passes = 4", "seed = -1", "adapt: seed must be an integer >= 0; got -1."),
-        ("passes = 4", "rtol = -0.1", "adapt: rtol must be a finite number >= 0, or None; got -0.1."),
-        ("passes = 4", 'topology = "flp"', "adapt: topology must be 'fixed', 'flip' or 'recycle'; got 'flp'."),
         ("passes = 4", "layers = {air = 0}", "adapt: layers of subdomain 'air' must be an integer >= 1; got 0."),
-        ("passes = 4", "output_rtol = 0.1", "adapt: output_rtol"),
         ("passes = 4", "target_nodes = 3", "adapt: target_nodes must be at least the number of nodes of the mesh, 899"),
-        ("min_quality = 0.3", "min_quality = 2", "adapt: min_quality must be"),
         ("min_quality = 0.3", "min_quality = 'none'", "adapt.min_quality must be one of 'auto'; got 'none'."),
     ],
 )

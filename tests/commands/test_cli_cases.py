@@ -20,10 +20,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import kohonen_adapt as ka
 from kohonen_adapt import magnetostatics
-from kohonen_adapt.cases import case_of, fitting_mesh, read_case
+from kohonen_adapt.cases import case_of, fitting_mesh
 from kohonen_adapt.cases.reading import ADAPT, PROBLEM
 from kohonen_adapt.cases.tables import GOALS, LAWS, MOTIONS, PATTERNS, QUANTITIES, SHAPES
-from kohonen_adapt.commands.sweep import CaseOutputs
 from kohonen_adapt.magnetostatics import (
     FluxDensityAt,
     FluxLinkage,
@@ -269,16 +268,6 @@ def test_a_mesh_without_named_lines_is_told_how_to_name_its_rim(tmp_path, refuse
     ka.write_mesh(tmp_path / "m.msh", inset(8))
     said = "potential must name a boundary, but no boundary of the mesh file has a name:"
     refused(case_text(""), f'case.toml: {said} write rim = "outer"')
-
-
-def test_keys_of_a_pattern_can_be_swept(tmp_path):
-    ka.write_mesh(tmp_path / "m.msh", drawn())
-    (tmp_path / "case.toml").write_text(case_text(CASES["parallel"].toml).replace("30.0", "0.0"))
-    swept = CaseOutputs.of(tmp_path / "case.toml")(**{"materials.core.remanence.degrees": 30.0})
-    (tmp_path / "case.toml").write_text(case_text(CASES["parallel"].toml))
-    it = read_case(tmp_path / "case.toml")
-    outputs = ka.adapt(fitting_mesh(it), it.problem, outputs=it.labelled_outputs, passes=2).best.outputs
-    assert swept == outputs | {"status": "max_passes", "missed": ""}
 
 
 # What `init` writes.

@@ -36,11 +36,6 @@ def test_the_last_pass_has_the_order_of_the_case(finished):
         fitting_mesh(case), case.problem, outputs=case.labelled_outputs, **case.options(fitting_mesh(case))
     )
     assert result.best.estimate == float(rows[-1]["estimate"])
-    assert "Best: pass 3, estimated error 0." in result.message
-    table = str(result).splitlines()
-    assert table[0].split()[:5] == ["pass", "nodes", "order", "unknowns", "estimate"]
-    gains = next(k for k, line in enumerate(table) if "gain of map" in line)
-    assert table[gains + 4].split()[5] == "-"  # no map before the last solve
     mesh = ka.read_mesh(finished.parent / "out" / "adapted.msh", scale=1e-3)
     assert_allclose(mesh.p, result.mesh.p, rtol=1e-12, atol=1e-15)
 
@@ -57,18 +52,6 @@ def test_the_field_inside_elements_is_written_at_its_order(finished):
         assert_allclose(inside.point_data[name][some], wanted, atol=1e-7 * np.abs(wanted).max())
     mean = ka.read_field(out / "inside.vtu", mesh, "B_y (T)")
     assert_allclose(mean, field.flux_density[1], atol=1e-7 * np.abs(mean).max())
-
-
-def test_a_resumed_run_ends_with_the_same_figures(finished, out, tmp_path, monkeypatch):
-    without_matplotlib(monkeypatch)
-    case = case_in(tmp_path, CASE.replace("passes = 2", "passes = 1"))
-    assert run_command("run", case, "--out", out, "--quiet") == 0
-    case.write_text(CASE)
-    assert run_command("run", case, "--resume", out, "--quiet") == 0
-    for one, other in zip(
-        table_of(out / "history.csv"), table_of(finished.parent / "out" / "history.csv"), strict=True
-    ):
-        assert one == other
 
 
 @pytest.mark.slow

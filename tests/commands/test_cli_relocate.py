@@ -101,8 +101,8 @@ def spoilt(mesh, how):
         ("flipped", "a triangle is "),
         ("broken", "read_field expected finite coordinates;"),
         ("twice", "has 'rho' at points and in cells; rename one of them."),
-        ("negative", "density"),
-        ("nan", "density"),
+        ("negative", "density must be finite and >= 0; element 0 has -1.0."),
+        ("nan", "density must be finite and >= 0; element 0 has nan."),
     ],
 )
 def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):

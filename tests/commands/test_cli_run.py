@@ -80,16 +80,6 @@ def test_run_writes_mesh_fields_table_and_report(finished):
     assert str(out.parents[1]) not in report and str(EXAMPLES) not in report
 
 
-def test_the_adapted_mesh_takes_the_place_of_the_one_that_came_in(finished, out, tmp_path):
-    out.symlink_to(finished[0])
-    once_more = tmp_path / "again.toml"
-    once_more.write_text(re.sub("mesh = .*", 'mesh = "out/adapted.msh"', CASE))
-    before = ka.read_mesh(EXAMPLES / "c_core.msh", scale=1e-3)
-    assert run_command("run", once_more, "--dry-run") == 0
-    after = ka.read_mesh(out / "adapted.msh", scale=1e-3)
-    assert_allclose(np.ptp(after.p, axis=1), np.ptp(before.p, axis=1), rtol=1e-12)
-
-
 def test_the_fields_of_a_run_go_with_its_mesh_once_more(finished, tmp_path, capsys):
     """The mesh is in millimetres, as it came, and the fields are in metres."""
     adapted, fields, out = finished[0] / "adapted.msh", finished[0] / "adapted.vtu", tmp_path / "moved.msh"

@@ -1,7 +1,7 @@
 """Tolerances in cases and on the command line: nodes and orders follow, errors are told, and mistakes are named."""
 
 import pytest
-from helpers.cases import case_in, report_in, run_command, table_of, without_processes
+from helpers.cases import case_in, report_in, run_command, table_of
 from helpers.worlds import without_matplotlib
 
 import kohonen_adapt as ka
@@ -149,26 +149,10 @@ def test_a_resumed_run_goes_on_to_a_smaller_tolerance(run, tmp_path):
     assert len(rows) > passes
 
 
-def test_a_sweep_tabulates_errors_and_is_another_sweep_with_another_tolerance(run, out, monkeypatch):
-    without_processes(monkeypatch)
-    over = ["--over", "materials.core.permeability=10:1000:2", "--jobs", "1"]
-    status, said = run(CASE, *over, "--output-rtol", "1e-3", "--out", out, command="sweep")
-    assert status == 0 and "--output-rtol=0.001 --resume" in said
-    for row in table_of(out / "sweep.csv"):
-        assert 0.0 < abs(float(row["error of stored (J/m)"])) <= 1e-3 * float(row["stored (J/m)"])
-    status, said = run(CASE, *over, "--output-rtol", "2e-3", "--resume", out, command="sweep")
-    assert status == 2 and "code or data of the function" in said
-
-
 def test_outputs_with_tolerances_have_the_labels_of_tables(run, tmp_path):
     run(adapting("output_rtol = {calm = 0.1}"), "--dry-run")
     case = read_case(tmp_path / "case.toml")
     assert case.options(ka.read_mesh(tmp_path / "mesh.msh", scale=1e-3))["output_rtol"] == {"calm (T)": 0.1}
-
-
-@pytest.mark.parametrize("order", ['"auto"', "2"])
-def test_an_order_by_name_or_number(order, run):
-    assert run(f"order = {order}\n{CASE}", "--dry-run")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -187,8 +171,6 @@ def test_an_order_by_name_or_number(order, run):
             "adapt.output_rtol.stord: the case has no such output; outputs are 'calm', 'stored'. Did you mean 'sto",
         ),
         (adapting("max_nodes = 80\nrtol = 0.1"), [], "max_nodes must be at least the nodes of the mesh, 81; got 80."),
-        (adapting("target_nodes = 100\nmax_nodes = 90\nrtol = 0.1"), [], "max_nodes needs a tolerance"),
-        (CASE, ["--max-nodes", "100"], "max_nodes needs a tolerance (rtol or atol) and no target_nodes"),
         (CASE, ["--goal-rtol", "0.1"], "adapt: goal_rtol requires a problem with a goal"),
         (
             GOAL,
@@ -205,11 +187,9 @@ def test_an_order_by_name_or_number(order, run):
             ["--rtol", "0.1%"],
             "argument --rtol: expected a fraction from 0 to 1, such as 1e-3 for 0.1 %; got '0.1%'",
         ),
-        (CASE, ["--rtol", "5"], "argument --rtol: expected a fraction from 0 to 1"),
         (CASE, ["--output-rtol", "nan"], "argument --output-rtol: expected a fraction from 0 to 1"),
         (CASE, ["--max-nodes", "1e5"], "argument --max-nodes: invalid int value: '1e5'"),
         (adapting("rtol = 2"), [], "adapt: rtol must be a fraction, at most 1; got 2.0. Write 0.01 for 1 %."),
-        (adapting("output_rtol = 5"), [], "adapt: output_rtol must be a fraction, at most 1; got 5.0."),
         (adapting("output_rtol = {stored = 5}"), [], "must be a fraction, at most 1; got 5.0."),
         (
             'order = 5\nestimator = "recovery"\n' + CASE,

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from helpers.meshes import square
 from helpers.scalar_problems import Scalar
-from numpy.testing import assert_array_equal
 from skfem import Basis, ElementTriP1, Functional
 
 import kohonen_adapt as ka
@@ -35,10 +34,6 @@ class Wave(Scalar):
         return np.sqrt(Functional(lambda w: (w["u"] - self.given(w.x)) ** 2).assemble(basis, u=solution))
 
 
-class Uncalibrated(Wave):
-    calibrated = False
-
-
 @pytest.mark.parametrize(
     ("wave", "topology", "most", "of_plain"),
     [
@@ -62,10 +57,3 @@ def test_the_best_pass_has_the_least_estimate_in_l2(topology):
     assert result.message.endswith(
         " The polish lowered the energy, and passes were compared by the estimate in the L2 norm."
     )
-
-
-def test_indicators_that_may_overrate_stretched_elements_allow_no_polish():
-    result = ka.adapt(square(10), Uncalibrated(0, 2), passes=2)
-    plain = ka.adapt(square(10), Wave(0, 2), passes=2, polish=False)
-    assert_array_equal(result.mesh.p, plain.mesh.p)
-    assert result.message.endswith(" No polish: the norm 'L2' requires `calibrated` indicators.")

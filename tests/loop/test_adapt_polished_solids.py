@@ -4,9 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers.poisson_solids import FICHERA, Minimised, Poisson, cube, fichera
+from helpers.poisson_solids import FICHERA, Minimised, fichera
 from helpers.solids import ball, box
-from numpy.testing import assert_array_equal
 
 import kohonen_adapt as ka
 
@@ -59,30 +58,6 @@ def test_the_table_and_nodes_count_what_is_recycled_by_energy():
     lost = len(set(passes[number - 1].nodes) - set(last.nodes))
     assert lost <= last.collapses
     assert "gain of polish" in str(adapted())
-
-
-def test_it_may_be_switched_off_and_is_where_it_cannot_be():
-    plain = ka.adapt(fichera(), Minimised(FICHERA), passes=1, polish=False)
-    assert_array_equal(plain.mesh.p, ka.adapt(fichera(), Poisson(FICHERA), passes=1).mesh.p)
-    result = ka.adapt(cube(2), Minimised(norm="L2"), passes=1)
-    assert "No polish: the norm 'L2' requires `calibrated` indicators" in result.message
-    assert result.history[1].functional is None
-
-
-class Recovered(Minimised):
-    """The problem by recovery, which does not overrate stretched elements."""
-
-    calibrated = True
-
-    def indicators(self, mesh, solution):
-        return ka.estimators.recovery(mesh, solution, np.ones(mesh.nelements))
-
-
-def test_for_an_error_in_l2_passes_compare_by_the_estimate():
-    result = ka.adapt(cube(4), Recovered(norm="L2"), passes=3)
-    assert all(step.polish_gain > 0.0 and not step.comparable for step in result.history[1:])
-    assert result.best.worth == min(step.worth for step in result.history) < 0.9 * result.history[0].worth
-    assert result.message.endswith("by the estimate in the L2 norm.")
 
 
 def test_on_curved_surfaces_passes_compare_by_the_functional_if_loops_know_these():

@@ -18,17 +18,6 @@ def adapted(topology="recycle"):
     return ka.adapt(fichera(), Poisson(FICHERA), passes=3, topology=topology)
 
 
-@pytest.mark.parametrize(("topology", "most"), [("recycle", 0.82), ("flip", 0.92), ("fixed", 0.92)])
-def test_the_error_falls_at_a_constant_number_of_nodes(topology, most):
-    result, problem = adapted(topology), Poisson(FICHERA)
-    first, best = result.history[0], result.best
-    assert {step.mesh.nvertices for step in result.history} == {316}
-    assert result.estimate == min(step.estimate for step in result.history) < first.estimate
-    assert problem.error(best) < most * problem.error(first)
-    assert all(step.min_quality >= 0.2 for step in result.history)
-    assert result.status in (ka.Status.MAX_PASSES, ka.Status.STALLED)
-
-
 def test_a_pass_is_relocate_with_the_density_of_its_indicators():
     mesh, problem = fichera(), Poisson()
     solution = problem.solve(mesh)
@@ -69,16 +58,6 @@ def test_a_problem_may_name_points_that_stay():
     problem.points = {"probe": np.array([[0.25], [0.5], [0.75]])}
     result = ka.adapt(two_regions(4), problem, passes=2)
     assert np.any(np.all(result.mesh.p == problem.points["probe"], axis=0))
-
-
-def test_the_map_is_trained_where_a_schedule_has_stages():
-    schedule = ka.Schedule((ka.Stage(1, 2, 0.3),), sweeps=1)
-    result = ka.adapt(fichera(), Poisson(FICHERA), passes=1, schedule=schedule, seed=3)
-    assert len(result.history[1].quantization_errors) == 2
-    other = ka.adapt(fichera(), Poisson(FICHERA), passes=1, schedule=schedule, seed=4)
-    assert np.any(other.history[1].mesh.p != result.history[1].mesh.p)
-    still = ka.adapt(box(2), Poisson(), schedule=ka.Schedule(()), topology="fixed")
-    assert still.status is ka.Status.NOT_MOVED and "no epochs" in still.message
 
 
 @pytest.mark.parametrize(

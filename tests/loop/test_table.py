@@ -6,7 +6,6 @@ import pytest
 from helpers.stand_ins import MESH, Script, adapt, script_of
 
 from kohonen_adapt.display import by_error
-from kohonen_adapt.loop.figures import pass_figures
 from kohonen_adapt.loop.result import table_columns
 
 
@@ -36,24 +35,6 @@ def test_the_table_calls_an_estimate_an_indicator_where_nobody_vouches_for_its_s
     assert str(plain(adapt(MESH, problem, passes=2, topology="flip"))).splitlines()[:2] == [
         "pass  nodes  indicator  change %  Delta Energy %  elements  min quality  mean quality  seconds",
         "   0     25      4.000         -               -        32         0.87          0.90     1.50",
-    ]
-
-
-def test_the_table_with_outputs_has_their_changes():
-    outputs = {"force": script_of(-2.0, -2.5, -2.4), "flux": script_of(0.0, 1.0, 1.23456789)}
-    assert str(
-        plain(adapt(MESH, Script([4.0, 2.0, 3.0]), passes=2, topology="flip", outputs=outputs))
-    ).splitlines() == [
-        "pass  nodes  estimate  change %  Energy-norm error %  Energy error %  Delta Energy %    force  Delta %",
-        "   0     25     4.000         -                40.00           16.00               -  -2.0000        -",
-        "   1     25     2.000     -50.0                20.00            4.00           +0.00  -2.5000   +25.00"
-        "  <- best",
-        "   2     25     3.000     +50.0                30.00            9.00           +0.00  -2.4000    -4.00",
-        "pass    flux  Delta %  elements  min quality  mean quality  seconds",
-        "   0  0.0000        -        32         0.87          0.90     1.50",
-        "   1  1.0000        -        32         0.87          0.90     1.50  <- best",
-        "   2  1.2346   +23.46        32         0.87          0.90     1.50",
-        "Stopped after 2 passes. Best: pass 1, estimated error 20 %. Increase `passes` to continue.",
     ]
 
 
@@ -141,16 +122,3 @@ def test_the_table_shows_what_was_done_to_the_mesh_of_a_pass_and_a_dash_for_the_
 )
 def test_numbers_have_the_digits_that_their_error_allows(value, error, text):
     assert by_error(value, error) == text
-
-
-def test_outputs_of_known_error_have_their_errors_and_corrected_values():
-    outputs = {"force": script_of(2.0, 4.0), "zero": script_of(0.0, 0.0)}
-    before, after = adapt(MESH, Script([4.0, 2.0]), passes=1, outputs=outputs).history
-    known = replace(after, output_errors={"force": -0.01, "zero": 0.5})
-    force, zero = table_columns((before, known))[-3:-1]
-    assert force[0] == ("force", ["2.000", "4.000"])
-    assert force[2:] == [("error %", ["-", "-0.25"]), ("corrected", ["-", "3.990"])]
-    assert zero[2:] == [("error %", ["-", "-"]), ("corrected", ["-", "0.50"])]
-    figures = pass_figures(known)
-    assert (figures["error of output force"], figures["corrected output force"]) == (-0.01, 3.99)
-    assert "corrected output force" not in pass_figures(before)

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from helpers.devices import two_magnets
 from helpers.exact_fields import RECTANGLE, rectangle_mesh
-from helpers.meshes import l_shape, square
+from helpers.meshes import l_shape
 from helpers.scalar_problems import Corner
 from helpers.solids import box
 from helpers.stand_ins import MESH, Script, adapt
-from hypothesis import given
-from hypothesis import strategies as st
 from skfem import MeshTri
 
 import kohonen_adapt as ka
 from kohonen_adapt.display import by_error
-from kohonen_adapt.loop.growth import predicted_nodes
 from kohonen_adapt.magnetostatics import FluxDensityAt, Force, MagneticScalarPotential, Magnetostatics, Material
 from kohonen_adapt.problem.protocol import AutoOrder
 
@@ -135,27 +132,6 @@ def test_an_output_that_is_zero_by_symmetry_asks_for_a_mapping():
     assert result.mesh.nvertices < 5000
     named = ka.adapt(mesh, problem, outputs=outputs, output_rtol={"at": 1e-2})
     assert named.status is ka.Status.CONVERGED
-
-
-@given(st.integers(1, 4), st.floats(0.01, 1.0), st.floats(1.0, 20.0))
-def test_the_prediction_is_exact_for_equal_indicators(order, tolerance, excess):
-    """Equal indicators of a graded mesh of N nodes fall like N^(-p / d)."""
-    mesh = square(4)
-    indicators = np.full(mesh.nelements, excess * tolerance / np.sqrt(mesh.nelements))
-    step = ka.adapt(mesh, Constant(indicators), passes=0).best
-    wanted = mesh.nvertices * excess ** (2.0 / order)
-    assert predicted_nodes(step, tolerance, order, 2) == pytest.approx(wanted, rel=1e-9)
-
-
-class Constant:
-    def __init__(self, values):
-        self.values = values
-
-    def solve(self, mesh):
-        return None
-
-    def indicators(self, mesh, solution):
-        return self.values
 
 
 class Aimed(Script):

@@ -73,19 +73,6 @@ def test_the_tolerance_of_a_goal_is_said_in_its_unit():
     assert "after 1 pass: estimate 1 N within the tolerance 2.25 N (atol squared)." in result.message
 
 
-def test_files_have_the_figures_of_a_goal_by_name_and_unit():
-    first, best, _ = map(pass_figures, pulled().history)
-    wanted = {
-        "goal (N)": -132.99999,
-        "goal error (N)": 0.0125,
-        "goal + error (N)": -132.98749,
-        "goal estimate (N)": 1.0,
-    }
-    assert {name: best[name] for name in wanted} == pytest.approx(wanted)
-    assert first["goal error (N)"] is None and not {"goal", "goal_error", "goal_unit"} & first.keys()
-    assert not [name for name in pass_figures(adapt(MESH, Script([4.0]), passes=0).history[0]) if "goal" in name]
-
-
 @pytest.mark.parametrize("trouble", [np.linalg.LinAlgError("singular"), KeyboardInterrupt()])
 def test_a_goal_whose_error_cannot_be_estimated_costs_no_result(trouble):
     problem = Pull([4.0, 1.0], calibrated=False)

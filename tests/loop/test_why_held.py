@@ -72,6 +72,15 @@ class Alone:
         return 1.0 / (0.05 + np.hypot(x[0] - 1.0, x[1])) ** 2
 
 
+def round_coil(levels):
+    mesh = MeshTri.init_circle(levels).with_boundaries({"rim": lambda x: x[0] ** 2 + x[1] ** 2 > 0.5})
+    return mesh.with_subdomains({"coil": np.arange(mesh.nelements)})
+
+
+def current_in(order):
+    return Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=order, curved=False)
+
+
 PAIRS = [("left side", "right side")]
 PROBE = {"probe": np.array([[0.75], [0.75]])}
 MIDDLE = 0.5, 0.5
@@ -106,6 +115,10 @@ REASONS = [  # mesh, problem and rules, and reasons by the places of nodes
         })
         for order in (1, 2, 3)
     ),
+    (round_coil(3), [current_in(1)], {(1.0, 0.0): "polish: source that ends at the curve of boundary 'rim'"}),
+    (round_coil(3), [current_in(3)], {
+        (1.0, 0.0): "polish: curve of boundary 'rim', where the polish moves no node at order 3", (0.0, 0.0): "",
+    }),
 ]  # fmt: skip
 
 
@@ -115,36 +128,10 @@ def test_held_nodes_say_why(mesh, given, reasons):
     assert {place: why[at(mesh, *place)] for place in reasons} == reasons
 
 
-def test_corners_junctions_and_pins_are_all_that_is_held():
-    assert np.sum(ka.why_held(square(), rules=ka.Rules(pinned=[at(square(), 0.25, 0.25)])) != "") == 4 + 2 + 1
-
-
-@pytest.mark.parametrize("topology", ["flip", "recycle"])
-def test_layers_hold_no_node(topology):
-    mesh = MeshTri.init_tensor(np.linspace(0.0, 3.0, 13), np.array([-1.0, -0.5, 0.0, 0.15, 0.3, 0.8, 1.3]))
-    parts = {"iron": lambda x: (x[1] < 0.0) | (x[1] > 0.3), "gap": lambda x: (x[1] > 0.0) & (x[1] < 0.3)}
-    mesh = mesh.with_subdomains(parts)
-    layers = 4 if topology == "recycle" else 2  # missing layers are made
-    why = ka.why_held(mesh, ka.Rules(topology, layers={"gap": layers}))
-    assert_array_equal(why, ka.why_held(mesh))
-    if topology == "flip":
-        with pytest.raises(ValueError, match="subdomain 'gap' has 2 layers"):
-            ka.why_held(mesh, ka.Rules(layers={"gap": 4}))
-
-
 RIMS = {
     "given": ({"potential": {"rim": 0.0}}, {1: "", 2: "curve", 3: "curve"}),
     "open": ({"open_boundary": "rim"}, dict.fromkeys((1, 2, 3), "open boundary 'rim' (Robin condition)")),
 }
-
-
-def round_coil(levels):
-    mesh = MeshTri.init_circle(levels).with_boundaries({"rim": lambda x: x[0] ** 2 + x[1] ** 2 > 0.5})
-    return mesh.with_subdomains({"coil": np.arange(mesh.nelements)})
-
-
-def current_in(order):
-    return Magnetostatics({"coil": Material(current_density=1e6)}, {"rim": 0.0}, order=order, curved=False)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3])
@@ -195,21 +182,6 @@ def test_tetrahedra_say_what_holds_their_nodes():
     assert why[at(mesh, 0.75, 0.5, 0.5)] == ""
     still = np.all(ka.polish(mesh, problem, pinned=["bottom"]).p == mesh.p, axis=0)
     assert np.all(still[why != "pinned by number"] == (why[why != "pinned by number"] != ""))
-
-
-@pytest.mark.parametrize(
-    ("order", "reason"),
-    [
-        (1, "polish: source that ends at the curve of boundary 'rim'"),
-        (3, "polish: curve of boundary 'rim', where the polish moves no node at order 3"),
-    ],
-)
-def test_nodes_on_a_curve_stay_in_the_polish_where_it_says_so(order, reason):
-    mesh, problem = round_coil(3), current_in(order)
-    why, polished = ka.why_held(mesh, problem), ka.polish(mesh, problem)
-    rim = mesh.boundary_nodes()
-    assert set(why[rim]) == {reason} and set(np.delete(why, rim)) == {""}
-    assert_array_equal(polished.p[:, rim], mesh.p[:, rim])
 
 
 def counts(result):

@@ -263,26 +263,6 @@ def test_a_name_is_no_formula(tmp_path):
     assert [text.get_text() for text in drawing.texts] == [r"$\frac$"]
 
 
-def test_many_radii_are_a_range_and_short_chains_have_no_labels():
-    p, t = [], []
-    for k in range(30):
-        mesh = ring(12, 1, 0.01 * (k + 1), 0.2 + 0.01 * k)
-        p.append(mesh.p + [[k], [0.0]])
-        t.append(mesh.t + 24 * k)
-    drawing = plotting.plot_outlines(MeshTri(np.hstack(p), np.hstack(t)))
-    assert legend_of(drawing)[0] == "60 chains recognised as arc or circle,\nradius 0.01 to 0.49 m"
-    assert not drawing.texts
-
-
-def test_nothing_of_the_outlines_is_cut_off():
-    figure = plotting.plot_outlines(ring(24, 3)).figure
-    figure.draw_without_rendering()
-    drawing, page = figure.axes[0], figure.bbox
-    for box in (drawing.get_tightbbox(), drawing.get_legend().get_window_extent()):
-        assert box.x0 >= page.x0 and box.y0 >= page.y0 and box.x1 <= page.x1 and box.y1 <= page.y1
-    assert (drawing.get_xlabel(), drawing.get_aspect()) == ("x (m)", 1.0)
-
-
 def test_outlines_are_drawn_where_one_wishes_and_the_mesh_stays_as_it_is():
     mesh, drawing = named(8), axes()
     before = mesh.p.tobytes(), mesh.t.tobytes()

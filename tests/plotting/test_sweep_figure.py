@@ -32,11 +32,6 @@ def test_errors_are_bars():
     assert_allclose(bars, [[[1.0, 0.9], [1.0, 1.1]], [[2.0, 3.8], [2.0, 4.2]]])
 
 
-def test_one_parameter_is_one_curve_without_a_legend():
-    (axes,) = sweep_figure(swept(lambda x: x**2, x=[1, 2, 3])).axes
-    assert len(axes.lines) == 1 and axes.get_legend() is None
-
-
 def test_cases_with_errors_leave_gaps():
     (axes,) = sweep_figure(swept(lambda x: 1 / x, x=[-1.0, 0.0, 1.0])).axes
     assert_array_equal(axes.lines[0].get_ydata(), [-1.0, np.nan, 1.0])

@@ -98,17 +98,6 @@ def test_linear_functions_in_curved_elements(kind, law):
     assert functional_value(mesh, ritz) == pytest.approx(wanted, rel=1e-12 if kind is MeshTri else 2e-3)
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_a_uniform_field_around_an_axis(order):
-    mesh = shaken(MeshTri, 5)
-    terms = {"coefficient": 3.0, "source": 2.0, "flux": np.array([0.5, 0.25]), "axisymmetric": True}
-    for laws, stored in (((), 3.0), ([Power()], 2.0)):  # int 3 (2 x)^2 / (2 x), and int x 2^4 / 4
-        function = ritz_of(mesh, lambda x: x[0] ** 2, order, laws=laws, **terms)
-        fixed = positions(mesh, order)[0] == 0.0
-        ritz = Ritz(function.values, fixed, order=order, laws=laws, **terms)
-        assert functional_value(mesh, ritz) == pytest.approx(stored - 2.0 / 3.0 - 0.5, rel=1e-12)
-
-
 def test_a_layer_is_integrated_in_parts_of_elements():
     mesh = square(16)
     width = 1.0 / 60.0

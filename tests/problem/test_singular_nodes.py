@@ -14,6 +14,7 @@ from kohonen_adapt.mesh.elements.exponents import exponents
 from kohonen_adapt.problem.singular_nodes import materials_of
 
 RIGHT = np.pi / 2.0
+SOFT = 2.0 / np.pi * np.arctan(0.02**0.5)
 
 
 @pytest.mark.parametrize("permeability", [5.0, 1000.0])
@@ -30,6 +31,11 @@ def test_the_exponent_at_iron_is_that_of_the_exact_field(permeability):
         ([RIGHT], [1.0], (False, False), []),
         ([2.0 * RIGHT, 2.0 * RIGHT], [1.0, 9.0], None, []),
         ([RIGHT, RIGHT], [1.0, 9.0], (True, True), []),
+        ([4.0 * RIGHT], [1.0], (True, False), [0.25, 0.75, 1.25, 1.75]),
+        ([3.0 * RIGHT], [1.0], (True, False), [1.0 / 3.0, 5.0 / 3.0]),
+        ([4.0 * RIGHT], [1.0], (False, False), [0.5, 1.5]),
+        # two sectors of a right angle, one held: tan^2(l pi / 2) is the ratio of the coefficients
+        ([RIGHT, RIGHT], [0.02, 1.0], (True, False), [SOFT, 2.0 - SOFT]),
     ],
 )
 def test_closed_forms(angle, coefficient, prescribed, wanted):
@@ -45,20 +51,6 @@ def test_iron_that_touches_iron(ratio):
         assert exponents(np.full(4, RIGHT), np.array(coefficient), None)[0] == pytest.approx(wanted, rel=1e-6)
     turned = np.array([0.3 * RIGHT, RIGHT, RIGHT, RIGHT, 0.7 * RIGHT])
     assert exponents(turned, np.array([1.0, ratio, 1.0, ratio, 1.0]), None)[0] == pytest.approx(wanted, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("angle", "coefficient", "prescribed", "wanted"),
-    [
-        ([4.0 * RIGHT], [1.0], (True, False), 0.25),
-        ([3.0 * RIGHT], [1.0], (True, False), 1.0 / 3.0),
-        ([4.0 * RIGHT], [1.0], (False, False), 0.5),
-        ([RIGHT, RIGHT], [0.02, 1.0], (True, False), 2.0 / np.pi * np.arctan(0.02**0.5)),
-    ],
-)
-def test_corners_of_the_boundary(angle, coefficient, prescribed, wanted):
-    """Two sectors of a right angle, one held: ``tan^2(l pi / 2)`` is the ratio of the coefficients."""
-    assert exponents(np.array(angle), np.array(coefficient), prescribed)[0] == pytest.approx(wanted, rel=1e-6)
 
 
 def laplace(mesh, fixed, **tables):

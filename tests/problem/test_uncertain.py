@@ -20,13 +20,6 @@ def test_within_the_doubt_half_the_error_is_told_and_no_correction_makes_it_wors
     assert abs(corrected(value, error, error.doubt) - exact) <= abs(value - exact) + slack
 
 
-@given(NUMBERS, NUMBERS)
-def test_a_plain_better_value_has_no_doubt(value, better):
-    error = error_of(value, better)
-    assert (error, error.doubt) == (better - value, 0.0)
-    assert corrected(value, error, 0.0) == pytest.approx(better, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("doubt", "wanted"), [(0.0, 2.0), (0.5, 2.0), (0.75, 1.5), (1.0, 1.0)], ids=["none", "half", "more", "all"]
 )

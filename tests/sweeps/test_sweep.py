@@ -37,13 +37,6 @@ def test_a_grid_has_every_combination_the_last_parameter_first():
     assert result.errors == (None,) * 6 and (result.table["seconds"] >= 0.0).all()
 
 
-def test_cases_one_by_one():
-    result = here(swept.product, [{"x": 1, "y": 2.0}, {"y": 3, "x": np.int64(4)}])
-    assert_array_equal(result.table["x"], [1, 4])
-    assert_array_equal(result.table["product"], [2.0, 12.0])
-    assert result.table["x"].dtype.kind == "i" and result.table["y"].dtype.kind == "f"
-
-
 def test_a_number_without_a_name_is_the_value():
     assert_array_equal(here(swept.square, {"x": [2, 3]}).table["value"], [4.0, 9.0])
 
@@ -289,11 +282,6 @@ def test_processes_of_somebody_elses():
         assert_array_equal(result.table["value"], [1.0, 4.0, 9.0])
         lost = ka.sweep(swept.dies_at_two, {"x": [2, 3]}, executor=executor)
     assert "BrokenProcessPool" in {type(error).__name__ for error in lost.errors}
-
-
-def test_a_function_with_arguments_bound():
-    result = here(functools.partial(swept.product, y=3), {"x": [1, 2]})
-    assert_array_equal(result.table["product"], [3.0, 6.0])
 
 
 @pytest.mark.slow
