@@ -134,13 +134,6 @@ def test_out_is_read_only(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_no_traceback_for_a_folder_that_cannot_be(tmp_path):
-    (tmp_path / "file").touch()
-    done = python("-m", "kohonen_adapt", "demo", "magnet", "--out", tmp_path / "file" / "below", status=2)
-    assert done.stdout == "" and one_line(done.stderr)
-
-
-@pytest.mark.slow
 def test_a_missing_example(out, tmp_path):
     shutil.copytree(ROOT / "kohonen_adapt", tmp_path / "kohonen_adapt", ignore=shutil.ignore_patterns("__pycache__"))
     command = "-m", "kohonen_adapt", "demo", "magnet", "--out", out

@@ -13,8 +13,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout
 
 import numpy as np
 import pytest
-from helpers.cases import run_command
-from helpers.places import ROOT
+from helpers.cases import INSET, case_in, run_command
 
 import kohonen_adapt as ka
 from kohonen_adapt import __main__ as cli
@@ -87,27 +86,9 @@ def test_nothing_is_drawn_where_nobody_looks(capsys):
     assert capsys.readouterr() == ("a line\nthe end\n", "a remark\nkohonen-adapt: warning: mind this\n")
 
 
-CASE = """
-mesh = "mesh.msh"
-scale = 1e-3
-[materials.iron]
-permeability = 1000.0
-[materials.magnet]
-permeability = 1.05
-remanence = [0.0, 1.2]
-[materials.air]
-[potential]
-outer = 0.0
-[adapt]
-passes = 1
-"""
-
-
 @pytest.fixture
 def case(tmp_path):
-    ka.write_mesh(tmp_path / "mesh.msh", ka.read_mesh(ROOT / "examples" / "c_core.msh"))
-    (tmp_path / "case.toml").write_text(CASE)
-    return tmp_path / "case.toml"
+    return case_in(tmp_path, INSET.replace("passes = 2", "passes = 1"))
 
 
 def shown_by(*arguments, stdout=None):
@@ -129,11 +110,11 @@ def test_run_shows_every_step_on_a_terminal_and_none_in_a_file(case, out, tmp_pa
     with (tmp_path / "stdout").open("w") as stdout:
         shown, known, written = shown_by("run", case, "--out", out, stdout=stdout)
     assert shown == ["read", *first, *second, "draw"]
-    assert re.fullmatch(r"899 nodes, estimate [\d.]+ \([\d.]+ %\)", known[-4])
+    assert re.fullmatch(r"81 nodes, estimate [\de.-]+ \([\d.]+ %\)", known[-4])
     # lines go to one stream, remarks to another
-    said, remark = (tmp_path / "stdout").read_text(), "mesh.msh': 899 nodes"
-    assert "\r" not in said and "pass 1: 899 nodes, estimate" in said and remark not in said
-    assert remark in written and "pass 1: 899 nodes" not in written
+    said, remark = (tmp_path / "stdout").read_text(), "mesh.msh': 81 nodes"
+    assert "\r" not in said and "pass 1: 81 nodes, estimate" in said and remark not in said
+    assert remark in written and "pass 1: 81 nodes" not in written
 
 
 def test_relocate_shows_every_step(case, tmp_path):

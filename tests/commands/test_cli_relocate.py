@@ -72,42 +72,38 @@ def test_points_without_triangles_and_other_cells_have_no_say(source, tmp_path):
     assert_array_equal(ka.read_field(tmp_path / "f.vtu", mesh, "rho"), rho)
 
 
-def spoilt(mesh, how):
-    """A field file that does not fit, as mesh and arguments of `of_meshio`."""
-    rho = {"rho": [np.ones(mesh.nelements)]}
-    if how == "shifted":
-        return mesh.translated((0.1, 0.0)), {"cell_data": rho}
-    if how == "millimetres":
-        return mesh.scaled(1e3), {"cell_data": rho}
-    if how == "flipped":
-        t = mesh.t.copy()
-        t[:, 0] = t[:, 1]
-        return skfem.MeshTri(mesh.p, t, validate=False), {"cell_data": rho}
-    if how == "broken":
-        return skfem.MeshTri(np.where(mesh.p == 1.0, np.nan, mesh.p), mesh.t, validate=False), {"cell_data": rho}
-    if how == "twice":
-        return mesh, {"cell_data": rho, "point_data": {"rho": np.ones(mesh.nvertices)}}
-    return mesh, {"cell_data": {"rho": [np.full(mesh.nelements, {"negative": -1.0, "nan": np.nan}[how])]}}
+def overlapping(mesh):
+    t = mesh.t.copy()
+    t[:, 0] = t[:, 1]
+    return skfem.MeshTri(mesh.p, t, validate=False)
 
 
-@pytest.mark.parametrize(
-    ("how", "said"),
-    [
-        ("shifted", "times the size of the mesh. Do both files have the same unit and step?"),
-        (
-            "millimetres",
-            "at a scale of 1; its scale is 1000, so the units differ. Use --scale 1000 (metres per unit",
-        ),
-        ("flipped", "a triangle is "),
-        ("broken", "read_field expected finite coordinates;"),
-        ("twice", "has 'rho' at points and in cells; rename one of them."),
-        ("negative", "density must be finite and >= 0; element 0 has -1.0."),
-        ("nan", "density must be finite and >= 0; element 0 has nan."),
-    ],
-)
-def test_fields_that_do_not_fit(how, said, source, tmp_path, capsys):
-    mesh, data = spoilt(ka.read_mesh(source), how)
-    of_meshio(mesh, **data).write(tmp_path / "f.vtu")
+def constant(mesh, value=1.0, **more):
+    return of_meshio(mesh, cell_data={"rho": [np.full(mesh.nelements, value)]}, **more)
+
+
+SPOILT = {  # what is said: a field file that does not fit
+    "times the size of the mesh. Do both files have the same unit and step?": lambda mesh: constant(
+        mesh.translated((0.1, 0.0))
+    ),
+    "at a scale of 1; its scale is 1000, so the units differ. Use --scale 1000 (metres per unit": lambda mesh: constant(
+        mesh.scaled(1e3)
+    ),
+    "a triangle is ": lambda mesh: constant(overlapping(mesh)),
+    "read_field expected finite coordinates;": lambda mesh: constant(
+        skfem.MeshTri(np.where(mesh.p == 1.0, np.nan, mesh.p), mesh.t, validate=False)
+    ),
+    "has 'rho' at points and in cells; rename one of them.": lambda mesh: constant(
+        mesh, point_data={"rho": np.ones(mesh.nvertices)}
+    ),
+    "density must be finite and >= 0; element 0 has -1.0.": lambda mesh: constant(mesh, -1.0),
+    "density must be finite and >= 0; element 0 has nan.": lambda mesh: constant(mesh, np.nan),
+}
+
+
+@pytest.mark.parametrize("said", SPOILT)
+def test_fields_that_do_not_fit(said, source, tmp_path, capsys):
+    SPOILT[said](ka.read_mesh(source)).write(tmp_path / "f.vtu")
     code, out = move(source, tmp_path / "f.vtu", "--quiet")
     assert code == 2 and not out.exists()
     error = capsys.readouterr().err

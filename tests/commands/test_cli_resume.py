@@ -16,8 +16,6 @@ from helpers.places import ROOT, names_in
 from helpers.worlds import full_disk, without_matplotlib
 
 import kohonen_adapt as ka
-from kohonen_adapt import __main__ as cli
-from kohonen_adapt.files import whole_file
 from kohonen_adapt.magnetostatics import Magnetostatics
 
 COMMAND = "import sys; from kohonen_adapt.__main__ import main; sys.exit(main())"
@@ -153,26 +151,6 @@ def test_drawing_that_hears_of_nothing_ends_at_once(case, out, tmp_path, begin):
     assert run(case, "--out", tmp_path / "straight") == 0
     assert_same_results(out, tmp_path / "straight")
     assert run(case, "--resume", out) == 0
-
-
-STUCK = "import os, time; os.replace = lambda *given: (print('stuck', flush=True), time.sleep(600)); "
-
-
-@pytest.mark.slow
-def test_relocate_interrupted_while_it_writes(case, tmp_path, begin):
-    mesh = ka.read_mesh(tmp_path / "mesh.msh")
-    ka.write_mesh(tmp_path / "field.vtu", mesh, cell_data={"rho": np.ones(mesh.nelements)})
-    (tmp_path / "after.msh").write_text("what was there")
-    arguments = ["relocate", tmp_path / "mesh.msh", "--density", f"{tmp_path / 'field.vtu'}:rho"]
-    arguments += ["--out", tmp_path / "after.msh"]
-    process = begin(*arguments, code=STUCK + PLAIN_COMMAND)
-    interrupted(process, "stuck")
-    assert len(drafts(tmp_path)) == 1
-    assert (tmp_path / "after.msh").read_text() == "what was there"
-    with whole_file(tmp_path / "other.msh") as other:
-        other.touch()
-        assert cli.main([str(argument) for argument in arguments]) == 0
-        assert drafts(tmp_path) == [other.parent.name]
 
 
 # ---- killed at every file ----

@@ -247,18 +247,24 @@ ENDS = {
     Status.STALLED: BEST + " Use more nodes (`target_nodes`) for a smaller error.",
     Status.CONVERGED: BEST,
 }
+BEGINNINGS = {
+    "Stopped after": Status.MAX_PASSES,
+    "Stopped by": Status.STOPPED,
+    "Failed": Status.FAILED,
+    "Stalled": Status.STALLED,
+    "Converged": Status.CONVERGED,
+}
 STALLED = "Stalled: the last 2 passes improved the result by less than 0.1 %."
-# estimates, options, status, passes, the best of them, and what is said before the best
+# estimates, options, passes, the best of them, and what is said before the best
 ENDINGS = [
-    (FALLING, {"passes": 3}, Status.MAX_PASSES, 3, 3, "Stopped after 3 passes."),
-    ([4.0, 3.0, 1.0, 2.0], {"passes": 3}, Status.MAX_PASSES, 3, 2, "Stopped after 3 passes."),
-    ([1.0, 2.0], {"passes": 1}, Status.MAX_PASSES, 1, 0, "Stopped after 1 pass."),
-    ([1.0, 1.0], {"passes": 1}, Status.MAX_PASSES, 1, 0, "Stopped after 1 pass."),
+    (FALLING, {"passes": 3}, 3, 3, "Stopped after 3 passes."),
+    ([4.0, 3.0, 1.0, 2.0], {"passes": 3}, 3, 2, "Stopped after 3 passes."),
+    ([1.0, 2.0], {"passes": 1}, 1, 0, "Stopped after 1 pass."),
+    ([1.0, 1.0], {"passes": 1}, 1, 0, "Stopped after 1 pass."),
     *(
         (
             FALLING,
             {"passes": 3, **given},
-            Status.CONVERGED,
             n,
             n,
             f"Converged after {said} within the tolerance {told}.",
@@ -274,31 +280,29 @@ ENDINGS = [
     (
         [4.0, 3.0],
         {"passes": 1, "rtol": 1e-3},
-        Status.MAX_PASSES,
         1,
         1,
         "Stopped after 1 pass without reaching the tolerance 0.01 (estimate 3).",
     ),
-    ([4.0, 4.0, 4.0, 1.0], {}, Status.STALLED, 2, 0, STALLED),
-    ([4.0, 5.0, 4.5, 1.0], {}, Status.STALLED, 2, 0, STALLED),
-    ([4.0, 3.0, 3.1, 3.2, 1.0], {}, Status.STALLED, 3, 1, STALLED),
-    ([4.0, 3.9985, 3.9980, 1.0], {}, Status.STALLED, 2, 2, STALLED),
-    ([4.0, 5.0, 3.0, 3.5, 2.9], {"passes": 4}, Status.MAX_PASSES, 4, 4, "Stopped after 4 passes."),
-    ([4.0, 3.0, 3.0, 2.9, 2.9], {"passes": 4}, Status.MAX_PASSES, 4, 3, "Stopped after 4 passes."),
-    ([4.0, 3.997, 3.994, 3.991, 3.988], {"passes": 4}, Status.MAX_PASSES, 4, 4, "Stopped after 4 passes."),
-    (FALLING, {"callback": np.bool_}, Status.STOPPED, 0, 0, "Stopped by the callback after 0 passes."),
+    ([4.0, 4.0, 4.0, 1.0], {}, 2, 0, STALLED),
+    ([4.0, 5.0, 4.5, 1.0], {}, 2, 0, STALLED),
+    ([4.0, 3.0, 3.1, 3.2, 1.0], {}, 3, 1, STALLED),
+    ([4.0, 3.9985, 3.9980, 1.0], {}, 2, 2, STALLED),
+    ([4.0, 5.0, 3.0, 3.5, 2.9], {"passes": 4}, 4, 4, "Stopped after 4 passes."),
+    ([4.0, 3.0, 3.0, 2.9, 2.9], {"passes": 4}, 4, 3, "Stopped after 4 passes."),
+    ([4.0, 3.997, 3.994, 3.991, 3.988], {"passes": 4}, 4, 4, "Stopped after 4 passes."),
+    (FALLING, {"callback": np.bool_}, 0, 0, "Stopped by the callback after 0 passes."),
     (
         FALLING,
         {"callback": lambda step: np.bool_(step.number == 1)},
-        Status.STOPPED,
         1,
         1,
         "Stopped by the callback after 1 pass.",
     ),
-    ([3.0, 2.0], {"passes": 1, "callback": lambda step: "a.png"}, Status.MAX_PASSES, 1, 1, "Stopped after 1 pass."),
-    ([3.0, 1.0, 2.0, KeyboardInterrupt()], {}, Status.STOPPED, 2, 1, "Stopped by Ctrl-C after 2 passes."),
+    ([3.0, 2.0], {"passes": 1, "callback": lambda step: "a.png"}, 1, 1, "Stopped after 1 pass."),
+    ([3.0, 1.0, 2.0, KeyboardInterrupt()], {}, 2, 1, "Stopped by Ctrl-C after 2 passes."),
     *(
-        ([3.0], options, Status.STOPPED, 0, 0, "Stopped by Ctrl-C after 0 passes.")
+        ([3.0], options, 0, 0, "Stopped by Ctrl-C after 0 passes.")
         for options in (
             {"callback": interrupt},
             {"interim": interrupt},
@@ -306,20 +310,19 @@ ENDINGS = [
             {"schedule": raising(KeyboardInterrupt())},
         )
     ),
-    ([3.0, 2.0, SINGULAR], {}, Status.FAILED, 1, 1, "Failed in pass 2, solve: ZeroDivisionError: singular."),
-    ([3.0, OSError("no licence.\nCall us.")], {}, Status.FAILED, 0, 0, "Failed in pass 1, solve: OSError: no licence."),
-    ([3.0, OSError()], {}, Status.FAILED, 0, 0, "Failed in pass 1, solve: OSError."),
-    ([3.0], {"schedule": raising(FULL)}, Status.FAILED, 0, 0, "Failed in pass 1, relocate: RuntimeError: disc full."),
+    ([3.0, 2.0, SINGULAR], {}, 1, 1, "Failed in pass 2, solve: ZeroDivisionError: singular."),
+    ([3.0, OSError("no licence.\nCall us.")], {}, 0, 0, "Failed in pass 1, solve: OSError: no licence."),
+    ([3.0, OSError()], {}, 0, 0, "Failed in pass 1, solve: OSError."),
+    ([3.0], {"schedule": raising(FULL)}, 0, 0, "Failed in pass 1, relocate: RuntimeError: disc full."),
     (
         [3.0, 2.0, 1.0],
         force(1.0, 2.0, SINGULAR),
-        Status.FAILED,
         1,
         1,
         "Failed in pass 2, output 'force': ZeroDivisionError: singular.",
     ),
     *(
-        (FALLING, force(*values, passes=3, output_rtol=asked), Status.CONVERGED, n, n, f"Converged after {said}).")
+        (FALLING, force(*values, passes=3, output_rtol=asked), n, n, f"Converged after {said}).")
         for values, asked, n, said in [
             ((1.0, 1.1, 1.1054), 0.005, 2, "2 passes: force 1.1054, estimated error 0.4885 % (asked 0.5 %"),
             ((-2.0, -2.0), 0.001, 1, "1 pass: force -2, estimated error 0 % (asked 0.1 %"),
@@ -331,7 +334,6 @@ ENDINGS = [
         (
             [3.0, 2.0, 1.0],
             force(*values, passes=2),
-            Status.MAX_PASSES,
             2,
             2,
             f"Stopped after 2 passes without reaching the tolerance of force {told} (asked 1 %).",
@@ -346,7 +348,6 @@ ENDINGS = [
         (
             [*estimates, 0.5],
             force(*values, atol=1.0),
-            Status.CONVERGED,
             2,
             2,
             f"Converged after 2 passes: estimate {estimates[2]:g} within the tolerance 1 and force {values[2]:g}, "
@@ -357,7 +358,6 @@ ENDINGS = [
     (
         FALLING,
         {**force(1.0, 1.0, 1.0), "outputs": {"calm": script_of(1.0, 1.0, 1.0), "wild": script_of(1.0, 2.0, 2.0)}},
-        Status.CONVERGED,
         2,
         2,
         "Converged after 2 passes: calm 1, estimated error 0 % (asked 1 %) and wild 2, estimated error 0 % (asked "
@@ -366,7 +366,6 @@ ENDINGS = [
     (
         [3.0, 2.0],
         force(1.0, 2.0, atol=1e-3, passes=1),
-        Status.MAX_PASSES,
         1,
         1,
         "Stopped after 1 pass without reaching the tolerance 0.001 (estimate 2) and the tolerance of force 2.0, "
@@ -375,8 +374,9 @@ ENDINGS = [
 ]
 
 
-@pytest.mark.parametrize(("script", "options", "status", "passes", "best", "said"), ENDINGS)
-def test_how_it_ends(script, options, status, passes, best, said):
+@pytest.mark.parametrize(("script", "options", "passes", "best", "said"), ENDINGS)
+def test_how_it_ends(script, options, passes, best, said):
+    (status,) = [each for begins, each in BEGINNINGS.items() if said.startswith(begins)]
     problem = Script(script)
     result = adapt(MESH, problem, **options)
     assert isinstance(result, AdaptResult) and result.history[0].mesh is MESH

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from helpers.magnet_solids import blocks
-from helpers.reports import unpacked
+from helpers.reports import a_pass, a_result, unpacked
 from matplotlib.collections import LineCollection, PolyCollection
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
-from kohonen_adapt.magnetostatics import Coil, MagneticScalarPotential, Material
+from kohonen_adapt.magnetostatics import Coil
 from kohonen_adapt.mesh.slicing import cut_triangles
 from kohonen_adapt.plotting import plot_slice, plot_surface
 from kohonen_adapt.report.scene import view_data
@@ -54,8 +54,7 @@ def test_coils_are_drawn_from_a_list(coils):
 
 def test_the_view_of_a_report_has_the_section():
     mesh = blocks([T, T, T], {})
-    problem = MagneticScalarPotential({"air": Material()}, {"outer": 0.0}, coils={"winding": COIL})
-    result = ka.adapt(mesh, problem, passes=0)
+    result = a_result(mesh, [a_pass(0, mesh, 1.0)])
     common = {"fields": ({}, {}), "indicator_label": "", "why": [], "unit": "m", "axisymmetric": False}
     plane = ka.Plane((0.0, 0.1, 0.0), (0.0, 1.0, 0.0))
     with_coil, without = (

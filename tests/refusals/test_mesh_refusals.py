@@ -11,6 +11,8 @@ from skfem import MeshHex, MeshLine, MeshQuad, MeshTet, MeshTet2, MeshTri, MeshT
 from skfem.mesh import MeshWedge1
 
 import kohonen_adapt as ka
+from kohonen_adapt import plotting
+from kohonen_adapt.magnetostatics import Magnetostatics, Material
 
 PLANE, SPACE = square(4), box(3)
 INNER = SPACE.interior_nodes()[0]
@@ -159,6 +161,23 @@ def test_what_works_in_the_plane_only_says_so(mesh):
     message = rf"^mesh must be a skfem\.MeshTri or MeshTri2; got {type(mesh).__name__}\. {end}"
     with pytest.raises(ValueError, match=message):
         ka.turned(mesh, "core", 1.0)
+
+
+FIELD = Magnetostatics({"air": Material()}, {"left": 0.0})
+PLANE_ONLY = {
+    "adapt, of a field": lambda mesh: ka.adapt(mesh, FIELD),
+    "solve": FIELD.solve,
+    "merge": lambda mesh: ka.merge(mesh, mesh),
+    "outlines": plotting.plot_outlines,
+}
+
+
+@pytest.mark.parametrize("door", PLANE_ONLY)
+def test_every_call_of_the_plane_says_so_of_tetrahedra(door):
+    with pytest.raises(
+        ValueError, match=r"^mesh must be a skfem\.MeshTri( or MeshTri2)?; got MeshTet1\. This works in"
+    ):
+        PLANE_ONLY[door](SPACE)
 
 
 def test_the_remedies_work():
