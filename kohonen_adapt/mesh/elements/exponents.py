@@ -11,7 +11,10 @@ from functools import cache, lru_cache
 import numpy as np
 from scipy.linalg import eigh
 
-from kohonen_adapt.arrays import Floats, FloatsPair
+from kohonen_adapt.arrays import Floats, FloatsPair, ranks
+from kohonen_adapt.mesh.elements.assembly import assembled
+from kohonen_adapt.mesh.elements.functions import reference_functions
+from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = ["SMOOTH", "STRONG", "exponents"]
 
@@ -39,27 +42,18 @@ def exponents(angle: Floats, coefficient: Floats, prescribed: tuple[bool, bool] 
 
 @lru_cache(maxsize=1024)  # passes keep the angles of corners
 def of_sectors(angles: tuple[float, ...], values: tuple[float, ...], prescribed: tuple[bool, bool] | None) -> Floats:
-    size, value = np.array(angles), np.array(values)
-    count = np.ceil(size / LARGEST).astype(int)
-    size, value = np.repeat(size / count, count), np.repeat(value, count)
-    slopes, products = np.zeros((2, size.size * DEGREE + 1, size.size * DEGREE + 1))
-    for piece, (length, weight) in enumerate(zip(size, value, strict=True)):
-        own = slice(piece * DEGREE, (piece + 1) * DEGREE + 1)
-        slopes[own, own] += weight / length * matrices()[0]
-        products[own, own] += weight * length * matrices()[1]
-    free = np.arange(len(slopes))
-    if prescribed is None:  # s closes
-        for matrix in (slopes, products):
-            matrix[0] += matrix[-1]
-            matrix[:, 0] += matrix[:, -1]
-        free = free[:-1]
-    else:
-        free = free[int(prescribed[0]) : len(free) - int(prescribed[1])]
-    scale = 1.0 / np.sqrt(np.diag(products)[free])
-    scaled = (scale[:, None] * matrix[np.ix_(free, free)] * scale for matrix in (slopes, products))
-    found = np.sqrt(np.maximum(eigh(*scaled, eigvals_only=True), 0.0))
-    constants = prescribed is None or not any(prescribed)
-    found = found[int(constants) :]
+    count = np.ceil(np.array(angles) / LARGEST).astype(int)
+    length, weight = np.repeat(angles / count, count), np.repeat(values, count)
+    piece, ends = np.arange(length.size), length.size + (prescribed is not None)  # without ends s closes
+    unknowns = np.vstack([piece, (piece + 1) % ends, ends + piece + np.arange(DEGREE - 1)[:, None] * piece.size])
+    held = np.array([0, piece.size])[list(prescribed or (False, False))]
+    free = np.setdiff1d(unknowns, held)
+    index, upper = ranks(free, unknowns.max() + 1), np.triu_indices(DEGREE + 1)
+    parts = zip(matrices(), (weight / length, weight * length), strict=True)
+    both = [assembled(unknowns, np.outer(each[upper], size), index, free.size).toarray() for each, size in parts]
+    scale = 1.0 / np.sqrt(np.diag(both[1]))
+    found = np.sqrt(np.maximum(eigh(*(scale[:, None] * each * scale for each in both), eigvals_only=True), 0.0))
+    found = found[int(not held.size) :]  # without the constants
     found = found[found < SMOOTH]
     found.setflags(write=False)
     return found
@@ -67,10 +61,7 @@ def of_sectors(angles: tuple[float, ...], values: tuple[float, ...], prescribed:
 
 @cache
 def matrices() -> FloatsPair:
-    # products of the derivatives and of the values of Lagrange functions on (0, 1)
-    at, weight = np.polynomial.legendre.leggauss(DEGREE + 1)
-    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
-    powers = np.linalg.inv(np.polynomial.legendre.legvander(2.0 * nodes - 1.0, DEGREE))
-    values = np.polynomial.legendre.legvander(at, DEGREE) @ powers
-    slopes = np.polynomial.legendre.legval(at, np.polynomial.legendre.legder(powers, scl=2.0)).T
-    return slopes.T @ (0.5 * weight[:, None] * slopes), values.T @ (0.5 * weight[:, None] * values)
+    # products of the derivatives and of the values of functions on a piece of length 1
+    at, weight = product_rule((DEGREE + 1,))
+    values, slopes = reference_functions(at, DEGREE)
+    return slopes[:, 0] * weight @ slopes[:, 0].T, values * weight @ values.T
