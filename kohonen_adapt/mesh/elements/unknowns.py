@@ -19,7 +19,6 @@ from kohonen_adapt.mesh.elements.functions import (
     kinds_at_axis,
     nodes,
     parts,
-    positions,
     rank_of,
     reference_functions,
 )
@@ -125,23 +124,16 @@ class Unknowns:
         mesh = self.corners
         if self.order == 1:
             return mesh.p
-        on_edges = self._edge_points(positions(self.order, self.arcs)[1:-1]).reshape(self.dim, -1)
-        found = np.empty((self.dim, int(self.unknowns.max()) + 1))
-        found[:, : mesh.nvertices + on_edges.shape[1]] = np.hstack((mesh.p, on_edges))
-        first = self.dim + 1 + (self.order - 1) * len(self._edges[0])
-        inside = nodes(self.order, self.dim, self.arcs)[first:]
-        found[:, self.unknowns[first:].ravel()] = self.shape.points_in_each(inside.T)
-        return found
+        owner, at = self._places
+        return self.shape.points(owner, at.T)
 
-    def _edge_points(self, at: Floats) -> Floats:
-        # at positions from 0 to 1 along all edges, (d, nedges, n)
-        if isinstance(self.shape, Blended):
-            return self.shape.facet_points(np.arange(self.corners.nfacets), at)[0]
-        edges = self.corners.facets if self.dim == 2 else self.corners.edges
-        start, end = self.corners.p[:, edges].swapaxes(0, 1)
-        return (start[..., None] + at * (end - start)[..., None]) + 4.0 * at * (1.0 - at) * self.shape.side_offset[
-            ..., None
-        ]
+    @cached_property
+    def _places(self) -> tuple[Ints, Floats]:
+        # an element of every unknown, and the barycentric coordinates there, (nunknowns, d + 1)
+        owner, local = np.empty((2, int(self.unknowns.max()) + 1), np.int64)
+        owner[self.unknowns] = np.arange(self.unknowns.shape[1])
+        local[self.unknowns] = np.arange(len(self.unknowns))[:, None]
+        return owner, nodes(self.order, self.dim, self.arcs)[local]
 
     def on_facets(self, given: Ints | None = None) -> Ints:
         """Return the unknowns of facets, at corners first, (k, nfacets)."""
@@ -162,10 +154,7 @@ class Unknowns:
         `index` (nunknowns,) is the row of an unknown, -1 for others, such as prescribed ones. Columns belong to the
         nodes with a row, in their order.
         """
-        owner, local = np.empty((2, index.size), np.int64)  # an element of every unknown, and its number there
-        owner[self.unknowns] = np.arange(self.unknowns.shape[1])
-        local[self.unknowns] = np.arange(len(self.unknowns))[:, None]
-        value = nodes(self.order, self.dim, self.arcs)[local]
+        owner, value = self._places
         free = index[: self.corners.nvertices] >= 0
         column = np.where(free, np.cumsum(free) - 1, -1)[self.corners.t[:, owner].T]
         used = (index >= 0)[:, None] & (column >= 0) & (value > 0.0)
