@@ -8,13 +8,13 @@ solution has less energy by the square of the error at the corner.
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints, Mask
+from kohonen_adapt.arrays import Floats, Ints, Mask, ranks
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux
 from kohonen_adapt.mesh.corners import Materials, corner_exponents, fixed_parts
-from kohonen_adapt.mesh.curved import AFTER, BEFORE
 from kohonen_adapt.mesh.elements.exponents import STRONG
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import numbered, summed
@@ -32,9 +32,7 @@ SOLVED = 0.01  # imbalance around a corner, relative to the terms, up to which t
 
 class System(NamedTuple):
     # Equations of a P1 solution.
-    mesh: MeshTri
     discrete: DiscreteFlux
-    matrices: Floats  # (3, 3, nelements)
     outflow: Floats  # (3, nelements): terms that balance at the nodes without a prescribed value
     fixed: Mask  # (nnodes,): nodes of the boundary that do not balance
     solved: Mask  # (nnodes,): nodes that balance, or are fixed
@@ -49,14 +47,7 @@ class System(NamedTuple):
         total, scale = (summed(mesh.t, each, count) for each in (outflow, terms))
         imbalance, outer = np.abs(total), np.isin(np.arange(count), mesh.boundary_nodes())
         fixed = outer & (imbalance > FIXED * imbalance[~outer].max(initial=0.0) + ROUNDING * scale)
-        return cls(mesh, discrete, matrices, outflow, fixed, fixed | (imbalance <= SOLVED * scale))
-
-    def condensed(self, nodes: Ints) -> Floats:
-        # Return the matrix of free nodes (n,) with all others eliminated, (n, n).
-        free = np.flatnonzero(~self.fixed)
-        matrix = self.discrete.space.stiffness(self.discrete.reluctivity, free).matrix
-        inverse = splu(matrix).solve((free[:, None] == nodes).astype(np.float64))
-        return np.linalg.inv(inverse[np.searchsorted(free, nodes)])
+        return cls(discrete, outflow, fixed, fixed | (imbalance <= SOLVED * scale))
 
 
 def with_strong_corners(indicators: Floats, discrete: DiscreteFlux) -> Floats:
@@ -83,7 +74,7 @@ def contrasts(mesh: MeshTri, coefficient: Floats) -> Mask:
 
 
 def strong_corners(system: System, among: Mask) -> Ints:
-    mesh, coefficient = system.mesh, system.discrete.reluctivity
+    mesh, coefficient = system.discrete.space.mesh, system.discrete.reluctivity
     kind = numbered(coefficient)
     materials = Materials(coefficient, kind, None, *fixed_parts(mesh, system.fixed, 1))
     strong, _ = corner_exponents(mesh, materials, STRONG, among)
@@ -92,49 +83,45 @@ def strong_corners(system: System, among: Mask) -> Ints:
 
 def missing_square(system: System, node: int, star: Ints) -> float:
     # Return the squared error that layers without end in the elements `star` at a node remove.
-    mesh, fixed = system.mesh, system.fixed
-    ring = np.setdiff1d(mesh.t[:, star], node)
-    free = np.flatnonzero(~fixed[ring])
-    place = np.searchsorted(ring, mesh.t[:, star])
-    place[mesh.t[:, star] == node] = ring.size
-    own = np.zeros((ring.size + 1,) * 2)
-    np.add.at(own, (place[:, None], place[None]), system.matrices[:, :, star])
-    if not fixed[node]:
-        own -= np.outer(own[:, -1], own[-1]) / own[-1, -1]
-    outflow = summed(place, system.outflow[:, star], ring.size + 1)
-    others = system.condensed(ring[free]) - own[np.ix_(free, free)]
-    matrix, load, removed = endless_at(system, star, place, free)
-    change = outflow[free] + load
-    return max(removed + float(change @ np.linalg.solve(others + matrix, change)), 0.0)
+    discrete, mesh, fixed = system.discrete, system.discrete.space.mesh, system.fixed
+    nodes, local = np.unique(mesh.t[:, star], return_inverse=True)
+    around, free = MeshTri(mesh.p[:, nodes], local.reshape(3, -1)), np.flatnonzero(~fixed[nodes] & (nodes != node))
+    matrix, load, removed = endless_at(discrete, star, around, int(np.searchsorted(nodes, node)), free)
+    change = summed(around.t, system.outflow[:, star])[free] + load
+    rest, elsewhere = np.setdiff1d(np.flatnonzero(~fixed), node), discrete.reluctivity.copy()
+    elsewhere[star] = 0.0
+    at, right = np.searchsorted(rest, nodes[free]), np.zeros(rest.size)
+    right[at] = change
+    places = np.repeat(at, at.size), np.tile(at, at.size)
+    layers = csc_array((matrix.ravel(), places), shape=(rest.size,) * 2)
+    corrected = splu(discrete.space.stiffness(elsewhere, rest).matrix + layers).solve(right)
+    return max(removed + float(change @ corrected[at]), 0.0)
 
 
-def endless_at(system: System, star: Ints, place: Ints, free: Ints) -> tuple[Floats, Floats, float]:
-    # Return `endless` of the layers in the elements `star` around a corner, for the free nodes around the corner.
-    # `place` has numbers of the nodes of elements, (3, n): nodes around the corner, then the corner.
-    count, corner = int(place.max()), system.mesh.p[:, system.mesh.t[:, star]]
-    k, rows, steps = np.argmax(place, axis=0), np.arange(star.size), np.arange(PIECES + 1) / PIECES
-    first, second = (place[np.take(ways, k), rows] for ways in (AFTER, BEFORE))
-    a, b = (corner[:, np.take(ways, k), rows] - corner[:, k, rows] for ways in (AFTER, BEFORE))
-    between = count + np.arange(star.size * (PIECES - 1)).reshape(PIECES - 1, -1)
-    number = np.vstack((first, between, second))  # of the nodes along the sides, (PIECES + 1, n)
-    total = count + between.size
-    trace = np.zeros((total, count))  # linear along sides
-    for at, share in zip(number, steps, strict=True):
-        trace[at, first], trace[at, second] = 1.0 - share, share
-    x = a[:, None] + steps[:, None] * (b - a)[:, None]
-    one, other = number[:-1], number[1:]
-    # Two triangles of every piece, with nodes (3, 2, PIECES, n) and corners (2, 3, 2, PIECES, n).
+def endless_at(
+    discrete: DiscreteFlux, star: Ints, around: MeshTri, corner: int, free: Ints
+) -> tuple[Floats, Floats, float]:
+    # Return `endless` of the layers in the elements `star` at a corner, for the free nodes around the corner. `around`
+    # is a mesh of these elements, and has the corner.
+    space = Space(around, PIECES, arcs=False)  # with the nodes of the pieces
+    sides = np.flatnonzero(np.all(around.facets != corner, axis=0))
+    number = space.on_facets(sides)
+    nodes = np.unique(number)
+    index, total = ranks(nodes, space.doflocs.shape[1]), nodes.size
+    along = index[number[[0, *range(2, PIECES + 1), 1]]]
+    one, other = along[:-1], along[1:]
+    # Two triangles of every piece, with nodes (3, 2, PIECES, n).
     triangles = np.reshape([[one, one], [other, other + total], [other + total, one + total]], (3, -1))
-    position, discrete, every = np.empty((2, total)), system.discrete, 2 * PIECES
-    position[:, number] = x
+    position = space.doflocs[:, nodes] - around.p[:, [corner]]
     layer = Space(MeshTri(np.hstack((position, RATIO * position)), triangles), 1)
-    matrix = layer.stiffness(np.tile(discrete.reluctivity[star], every), np.arange(2 * total)).matrix.toarray()
-    flux, source = (np.tile(each, every) for each in (-discrete.mean[:, star], discrete.source[star]))
+    element = star[np.tile(around.f2t[0, sides], 2 * PIECES)]
+    matrix = layer.stiffness(discrete.reluctivity[element], np.arange(2 * total)).matrix.toarray()
+    flux, source = -discrete.mean[:, element], discrete.source[element]
     loads = np.stack([layer.loads(0.0 * source, flux), layer.loads(source, 0.0 * flux)], axis=1)
-    kept = np.append(free, np.arange(count, total))
+    kept = np.flatnonzero((nodes >= around.nvertices) | np.isin(nodes, free))
     both = np.append(kept, kept + total)
     layers, load, removed = endless(matrix[np.ix_(both, both)], loads[both])
-    trace = trace[np.ix_(kept, free)]
+    trace = space.prolongation(index).toarray()[np.ix_(kept, index[free])]  # linear along sides
     return trace.T @ layers @ trace, trace.T @ load, removed
 
 
@@ -142,15 +129,17 @@ def endless(layer: Floats, loads: Floats) -> tuple[Floats, Floats, float]:
     # Return matrix and load of layers without end, for the nodes of the first, and a squared error.
     # The rows of a layer are its outer and its inner nodes. The columns of `loads` fall with the size and with the
     # area. The last value is the squared error that the layers remove while the nodes of the first keep their values.
-    n, fall, removed = len(layer) // 2, np.array([RATIO, RATIO**2]), np.zeros((2, 2))
-    outer, across, inner, first, last = layer[:n, :n], layer[:n, n:], layer[n:, n:], loads[:n], loads[n:]
+    n, fall = len(layer) // 2, np.array([RATIO, RATIO**2])
+    outer, across, inner = layer[:n, :n], layer[:n, n:], layer[n:, n:]
+    matrix, through, end = outer, across, inner
     for _ in range(DOUBLINGS):
-        between = last + fall * first
-        middle = np.linalg.solve(inner + outer, np.hstack((across.T, across, between)))
-        to_outer, to_inner, by_load = middle[:, :n], middle[:, n : 2 * n], middle[:, 2 * n :]
-        removed = removed + np.outer(fall, fall) * removed + between.T @ by_load
-        first, last, fall = first - across @ by_load, fall * last - across.T @ by_load, fall**2
-        outer, inner, across = outer - across @ to_outer, inner - across.T @ to_inner, -across @ to_inner
-    middle = np.linalg.solve(inner, np.hstack((across.T, last.sum(axis=1, keepdims=True))))
-    removed_in_all = float(removed.sum() + last.sum(axis=1) @ middle[:, n])
-    return outer - across @ middle[:, :n], first.sum(axis=1) - across @ middle[:, n], removed_in_all
+        to_outer, to_inner = np.hsplit(np.linalg.solve(end + matrix, np.hstack((through.T, through))), 2)
+        matrix, end, through = matrix - through @ to_outer, end - through.T @ to_inner, -through @ to_inner
+    matrix = matrix - through @ np.linalg.solve(end, through.T)
+    # The first layer is followed by layers without end, which have the same load times `fall`.
+    inverse = np.linalg.inv(inner + matrix)
+    moved, parts = across @ inverse, loads[:n] - across @ inverse @ loads[n:]
+    load = np.linalg.solve(np.eye(n) + fall[:, None, None] * moved, parts.T[:, :, None])[:, :, 0].T
+    between = loads[n:] + fall * load
+    removed = between.T @ inverse @ between / (1.0 - np.outer(fall, fall))
+    return matrix, load.sum(axis=1), float(removed.sum())
