@@ -11,7 +11,7 @@ from kohonen_adapt.arrays import Floats, FloatsPair, Function
 from kohonen_adapt.magnetostatics.coils.winding import Arc, Bar, Plane, Winding, cross
 from kohonen_adapt.mesh.elements.rules import product_rule
 
-__all__ = ["Currents", "currents_of", "flux_rule"]
+__all__ = ["Currents", "currents_of", "flux_rule", "gauss"]
 
 # Points along a piece, across the winding, in the bore and along the axis. They cluster at edges of the winding, where
 # derivatives of H have logarithmic singularities. Error of an inductance: tests/magnetostatics/test_coil_quantities.py
@@ -45,12 +45,12 @@ def flux_rule(winding: Winding) -> FloatsPair:
 
 def _winding_rule(winding: Winding) -> tuple[Floats, Floats, Floats, Plane]:
     # points, volumes, fraction of turns, direction of the current in the plane
-    (t, along), (q, across) = _clustered(ALONG), _gauss(ACROSS)
+    (t, along), (q, across) = _clustered(ALONG), gauss(ACROSS)
     mix, points, weights, directions = np.stack((1.0 - q, q), axis=1), [], [], []
     for piece in (part for whole in winding.pieces for part in _divided(whole)):
-        (inner, outer), rates = piece.sides(t)
-        points.append(mix @ np.stack((inner, outer)))
-        weights.append(across[:, None] * along * np.abs(cross(mix @ rates, outer - inner)))
+        sides, rates = piece.sides(t)
+        points.append(mix @ sides)
+        weights.append(across[:, None] * along * np.abs(cross(mix @ rates, sides[1] - sides[0])))
         directions.append(np.tile(rates.sum(axis=0) / np.abs(rates.sum(axis=0)), (q.size, 1)))
     y, weight, direction = (np.ravel(part) for part in (points, weights, directions))
     x, volume = _extruded(winding, y, weight)
@@ -109,12 +109,12 @@ def _extruded(winding: Winding, y: Plane, weight: Floats) -> FloatsPair:
     return x, np.outer(size * winding.height, weight).ravel()
 
 
-def _gauss(count: int) -> FloatsPair:
+def gauss(count: int) -> FloatsPair:
     barycentric, weight = product_rule((count,))
     return barycentric[:, 1], weight
 
 
 def _clustered(count: int) -> FloatsPair:
     # at both ends of [0, 1]
-    u, weight = _gauss(count)
+    u, weight = gauss(count)
     return u**2 * (3.0 - 2.0 * u), weight * 6.0 * u * (1.0 - u)

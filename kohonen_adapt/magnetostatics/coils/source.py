@@ -6,8 +6,8 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.kernels.coils import Arcs, Bars, add_arcs, add_bars
 from kohonen_adapt.kernels.numba.compilation import expect
 from kohonen_adapt.kernels.threads import even_cuts, shared
+from kohonen_adapt.magnetostatics.coils.rules import gauss
 from kohonen_adapt.magnetostatics.coils.winding import Winding
-from kohonen_adapt.mesh.elements.rules import product_rule
 
 __all__ = ["Source", "field_of", "source_of"]
 
@@ -108,10 +108,9 @@ def _rules(clustered: int) -> tuple[Ints, Floats, Floats, Floats]:
     counts = np.array([*(count for count in GAUSS_RULES if count < clustered), clustered], np.int32)
     fraction, weight = np.zeros((2, len(counts), clustered))
     for rule, count in enumerate(counts):
-        barycentric, weight[rule, :count] = product_rule((int(count),))
-        fraction[rule, :count] = barycentric[:, 1]
-    t, weight[-1] = fraction[-1].copy(), POWER * fraction[-1] ** (POWER - 1) * weight[-1]
-    fraction[-1] = t**POWER
+        fraction[rule, :count], weight[rule, :count] = gauss(int(count))
+    weight[-1] *= POWER * fraction[-1] ** (POWER - 1)
+    fraction[-1] **= POWER
     rho = GAUSS_ERROR ** (-0.5 / counts)
     reach = 0.5 * (rho + 1.0 / rho)
     reach[-1] = 0.0

@@ -42,16 +42,13 @@ def cross(a: Any, b: Any) -> Any:
 def crossing_side(points: Plane) -> int | None:
     rows = np.flatnonzero(np.abs(np.roll(points, -1) - points) > 1e-12 * np.abs(points - points.mean()).max())
     start, end = points[rows], np.roll(points[rows], -1)
-    one, other = np.triu_indices(rows.size, 2)
-    apart = (one > 0) | (other < rows.size - 1)
-    one, other = one[apart], other[apart]
+    edge, from_start = (end - start)[:, None], start[:, None]
+    meets = cross(edge, start - from_start) * cross(edge, end - from_start) <= 0.0
     box = np.array([[start.real, start.imag], [end.real, end.imag]])
-    lowest, highest, meets = box.min(axis=0), box.max(axis=0), np.ones(one.size, bool)
-    for i, j in ((one, other), (other, one)):
-        edge = end[i] - start[i]
-        meets &= cross(edge, start[j] - start[i]) * cross(edge, end[j] - start[i]) <= 0.0
-        meets &= np.all(lowest[:, i] <= highest[:, j], axis=0)
-    return int(rows[one[np.argmax(meets)]]) if meets.any() else None
+    meets &= np.all(box.min(axis=0)[..., None] <= box.max(axis=0)[:, None], axis=0)
+    both = np.triu(meets & meets.T, 2)
+    both[:1, -1:] = False  # the last side ends where the first begins
+    return int(rows[np.argmax(both.any(axis=1))]) if both.any() else None
 
 
 def is_inside(points: Plane, y: Plane) -> Mask:
@@ -99,10 +96,9 @@ class Bar(NamedTuple):
 
         A depth is the distance from the middle of the bar to the left.
         """
-        inside = np.ones(y.size, bool)
-        for start, end in zip(self.corner, np.roll(self.corner, -1), strict=True):  # clockwise
-            inside &= cross(end - start, y - start) <= EDGE * width * np.abs(end - start)
-        rows = np.flatnonzero(inside)
+        start = self.corner[:, None]
+        edge = np.roll(start, -1) - start  # clockwise
+        rows = np.flatnonzero(np.all(cross(edge, y - start) <= EDGE * width * np.abs(edge), axis=0))
         return rows, cross(self.along, y[rows] - self.corner.mean()), np.full(rows.size, self.along)
 
 

@@ -10,8 +10,8 @@ from numpy.polynomial import legendre
 from kohonen_adapt.arrays import DataFunction, Floats, FloatsPair, Ints
 from kohonen_adapt.checks import finite_values
 from kohonen_adapt.magnetostatics.coils.coil import Coil
+from kohonen_adapt.magnetostatics.coils.rules import gauss
 from kohonen_adapt.mesh.elements.functions import positions
-from kohonen_adapt.mesh.elements.rules import product_rule
 from kohonen_adapt.mesh.measures import magnitude
 
 __all__ = [
@@ -90,8 +90,7 @@ class Rule(NamedTuple):
 
 
 # A function may be infinite at nodes. The fields of coils there serve several edges.
-(GAUSS_POINTS, GAUSS_WEIGHTS), OF_COILS = product_rule((6,)), [Rule.lobatto(count) for count in LOBATTO_POINTS]
-OF_FUNCTIONS = Rule(GAUSS_POINTS[:, 1], GAUSS_WEIGHTS, 0.0)
+OF_FUNCTIONS, OF_COILS = Rule(*gauss(6), 0.0), [Rule.lobatto(count) for count in LOBATTO_POINTS]
 
 
 def circulations(x: Floats, ends: Ints, function: AppliedField) -> FloatsPair:
