@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csc_array
+from scipy.sparse import csc_array
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import DataFunction, Floats, Ints, Mask
@@ -14,6 +14,7 @@ from kohonen_adapt.geometry.circles import fitted_sphere
 from kohonen_adapt.geometry.plane.pairs import Unmatched, image_nodes
 from kohonen_adapt.magnetostatics.equations.symmetry import Symmetry
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
+from kohonen_adapt.mesh.elements.assembly import assembled
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.motions import Pair
@@ -136,9 +137,8 @@ def open_boundary_of(
     applied, dimension = symmetry.uniform(elements.doflocs, centre, applied_field)
     weight = np.full(facets.size, symmetry.extent / (VACUUM_PERMEABILITY * size))
     unknowns, count = elements.on_facets(facets), elements.doflocs.shape[1]
-    row, column = np.broadcast_arrays(unknowns[:, None], unknowns[None])
-    values = elements.products_on(facets, weight)
-    matrix = coo_array((values.ravel(), (row.ravel(), column.ravel())), shape=(count, count)).tocsc()
+    upper = elements.products_on(facets, weight)[np.triu_indices(len(unknowns))]
+    matrix = assembled(unknowns, upper, np.arange(count), count)
     return OpenBoundary(matrix, dimension * VACUUM_PERMEABILITY * (matrix @ applied))
 
 
@@ -184,17 +184,23 @@ def ties_of(elements: Space, periodic: Sequence[Pair], antiperiodic: Sequence[Pa
         nodes_and_images = image_nodes(mesh, pairs)
     except Unmatched as error:
         raise ValueError(f"{error} In kohonen_adapt.adapt: name the pair as periodic, too, or pin both.") from None
-    signs = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)])
-    facets = [np.asarray(mesh.boundaries[name]) for name, *_ in pairs]
-    images = [_image_facets(mesh, rows, *nodes) for rows, nodes in zip(facets, nodes_and_images, strict=True)]
-    partners, reversed_facets = (np.concatenate(part) for part in zip(*images, strict=True))
-    tied = np.concatenate(facets), partners, np.repeat(signs, list(map(len, facets)))
-    inner, inner_image = (elements.on_facets(rows)[2:] for rows in tied[:2])
-    inner_image[:, reversed_facets] = inner_image[::-1, reversed_facets]
-    nodes, their_images = zip(*nodes_and_images, strict=True)
-    first, second = np.concatenate((*nodes, inner.ravel())), np.concatenate((*their_images, inner_image.ravel()))
-    relative_sign = np.append(np.repeat(signs, list(map(len, nodes))), np.tile(tied[2], len(inner)))
-    return Ties(*_classes(elements.doflocs.shape[1], first, second, relative_sign), first, second, relative_sign, tied)
+    key, tied, tied_facets = keys_of(ascending(*mesh.facets), mesh.nvertices), [], []
+    signs, order = np.repeat([1.0, -1.0], [len(periodic), len(antiperiodic)]), np.argsort(key)
+    for (name, *_), (nodes, images), sign in zip(pairs, nodes_and_images, signs, strict=True):
+        facets, image = np.asarray(mesh.boundaries[name]), np.arange(mesh.nvertices)
+        image[nodes] = images
+        ends = image[mesh.facets[:, facets]]
+        partners = order[np.searchsorted(key, keys_of(ascending(*ends), mesh.nvertices), sorter=order)]
+        inner, inner_image = (elements.on_facets(rows)[2:] for rows in (facets, partners))
+        is_reversed = ends[0] != mesh.facets[0, partners]
+        inner_image[:, is_reversed] = inner_image[::-1, is_reversed]
+        unknowns = np.append(nodes, inner), np.append(images, inner_image)
+        tied.append((*unknowns, np.full(unknowns[0].size, sign)))
+        tied_facets.append((facets, partners, np.full(facets.size, sign)))
+    first, second, relative_sign = map(np.concatenate, zip(*tied, strict=True))
+    one, other, of_facet = map(np.concatenate, zip(*tied_facets, strict=True))
+    classes = _classes(elements.doflocs.shape[1], first, second, relative_sign)
+    return Ties(*classes, first, second, relative_sign, (one, other, of_facet))
 
 
 def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tuple[Ints, Floats, Mask]:
@@ -204,16 +210,6 @@ def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tu
     label = connected_components_of(2 * count, pairs)
     lowest = np.unique(label, return_index=True)[1][label[::2]]
     return lowest // 2, np.where(lowest % 2, -1.0, 1.0), np.equal(label[::2], label[1::2])
-
-
-def _image_facets(mesh: MeshTri, facets: Ints, nodes: Ints, images: Ints) -> tuple[Ints, Mask]:
-    count = mesh.nvertices
-    image = np.arange(count)
-    image[nodes] = images
-    key = keys_of(ascending(*mesh.facets), count)
-    order = np.argsort(key)
-    found = order[np.searchsorted(key[order], keys_of(ascending(*image[mesh.facets[:, facets]]), count))]
-    return found, image[mesh.facets[0, facets]] != mesh.facets[0, found]
 
 
 def _values_on_ties(x: Floats, ties: Ties, fixed: Mask, values: Floats) -> tuple[Mask, Floats]:
