@@ -10,7 +10,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.coils.motion import Images, Motion, change_of_field, images_of
+from kohonen_adapt.magnetostatics.coils.motion import Images, change_of_field, images_of, mapped
 from kohonen_adapt.magnetostatics.coils.rules import currents_of, flux_rule
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
@@ -34,7 +34,7 @@ class OfCoil:
 
     field: MagneticField
     name: str
-    motion: Motion | None = None
+    motion: Floats | None = None
 
     def __post_init__(self) -> None:
         if not self.field.far:
@@ -61,7 +61,7 @@ class OfCoil:
         # images with the field of the coil itself, and one image of every coil in the orbit
         coil, images = self._coil, self._images
         x, every = coil.winding.samples[:, ::7], range(images.sign.size)
-        fields = np.stack([images.pulled(coil.field_strength(images.points(x, g)), g) for g in every])
+        fields = np.stack([images.pulled(coil.field_strength, x, g) for g in every])
         equal = np.abs(fields[:, None] - fields).max(axis=(2, 3)) <= INVARIANT * np.abs(fields[0]).max(initial=0.0)
         return [g for g in every if equal[0, g]], [g for g in every if not equal[g, :g].any()]
 
@@ -74,23 +74,22 @@ class OfCoil:
         return fraction
 
     @cached_property
-    def _motion(self) -> Motion | None:
+    def _motion(self) -> Floats | None:
         # without the components that images cancel
         if self.motion is None:
             return None
-        moved = [self._images.moved(self.motion, g) for g in self._orbit[0]]
-        return Motion(*(np.mean(part, axis=0) for part in zip(*moved, strict=True)))
+        return np.mean([self._images.moved(self.motion, g) for g in self._orbit[0]], axis=0)
 
     @property
     def vanishes(self) -> bool:
         if self.motion is None or self._motion is None:
             return False
-        left, whole = (np.abs(motion.at(self._coil.path)).max() for motion in (self._motion, self.motion))
+        left, whole = (np.abs(mapped(motion, self._coil.path)).max() for motion in (self._motion, self.motion))
         return bool(left <= NONE * whole)
 
     def _weight_at(self, x: Floats) -> Floats:
         images, (own, orbit) = self._images, self._orbit
-        each = [images.pulled(self._unit_field(images.points(x, g)), g) for g in orbit]
+        each = [images.pulled(self._unit_field, x, g) for g in orbit]
         return self._meshed * len(own) * np.sum(each, axis=0)
 
     def _unit_field(self, x: Floats) -> Floats:
@@ -117,7 +116,7 @@ class OfCoil:
             if rest is None:  # a coil makes no force on itself
                 return 0.0
             force = VACUUM_PERMEABILITY * self._coil.ampere_turns * np.cross(moment, field_at(rest, x), axis=0)
-            return float(np.sum(force * self._motion.at(x)))
+            return float(np.sum(force * mapped(self._motion, x)))
         # The field of a smaller coil in the bore is not smooth there. Mutual inductances are equal, so that the rule of
         # the smaller coil serves.
         unit, larger = self._unit, dict(sources.coils)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
-from kohonen_adapt.magnetostatics.coils.motion import Motion, images_of, motion_of
+from kohonen_adapt.magnetostatics.coils.motion import images_of, mapped, motion_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -65,25 +65,25 @@ def force_along(field: MagneticField, names: Names, vector: Floats, centre: Floa
 @dataclass(frozen=True, eq=False)
 class OfBody:
     shell: "Shell"
-    motion: Motion
+    motion: Floats
 
     @property
     def vanishes(self) -> bool:
-        return not (self.motion.shift.any() or self.motion.turn.any())
+        return not self.motion.any()
 
     def value(self) -> float:
         x, forces = self.shell.forces
-        return float(np.sum(forces * self.motion.at(x)))
+        return float(np.sum(forces * mapped(self.motion, x)))
 
     def load(self) -> Floats:
         shell, field, (at, slope, _) = self.shell, self.shell.field, self.shell.at
         weight = np.zeros_like(field.elements.points)
-        weight[:, shell.layer[field.elements.element]] = -stress(self.motion.at(at.x), at.flux_density, slope)
+        weight[:, shell.layer[field.elements.element]] = -stress(mapped(self.motion, at.x), at.flux_density, slope)
         load = field.load_of(weight)
         if not field.sources.coils:
             return load
         x, element, moment = shell.currents
-        return load + field.load_at(x, element, np.cross(moment, self.motion.at(x), axis=0)) if x.size else load
+        return load + field.load_at(x, element, np.cross(moment, mapped(self.motion, x), axis=0)) if x.size else load
 
 
 def stress(u: Floats, v: Floats, w: Floats) -> Floats:
@@ -111,7 +111,7 @@ class Shell:
     @cached_property
     def layer(self) -> Mask:
         # the elements of air where the weight falls
-        return np.asarray((np.ptp(self._weight[self.field.mesh.t], axis=0) > 0.0) & self._air)
+        return (np.ptp(self._weight[self.field.mesh.t], axis=0) > 0.0) & self._air
 
     @cached_property
     def at(self) -> tuple[PointValues, Floats, Floats]:
