@@ -10,7 +10,6 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.arguments import ArgumentsInSpace, solved
 from kohonen_adapt.magnetostatics.equations.applied_field import permeable
 from kohonen_adapt.magnetostatics.equations.edge_elements import (
-    Curls,
     EdgeElements,
     conditions_on_edges,
     open_surfaces,
@@ -126,11 +125,10 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
         far = ends_far(drive, prescribed, planes.values())
         crossed = self._crossed(edges, [plane.facets for plane in planes.values() if plane.kind == "normal"])
         conditions = conditions_on_edges(edges, np.setdiff1d(mesh.boundary_facets(), crossed))
-        curls = Curls(edges, conditions.free)
-        load = curls.assemble_vector(curls.against_gradients(drive.mean + material.coercivity))
+        load = edges.assemble_vector(edges.against_gradients(drive.mean + material.coercivity))
         load += prescribed_flux_load(edges, crossed, prescribed.values)
         zero = EdgeField(mesh, np.zeros(load.size), material, drive, planes, far=far)
-        return Energy(curls, material.densities(edges.volumes), load, conditions), zero
+        return Energy(edges, material.densities(edges.volumes), load, conditions), zero
 
     def _crossed(self, edges: EdgeElements, normal: list[Ints]) -> Ints:
         # outer facets that the flux may cross
@@ -158,6 +156,3 @@ class MagneticVectorPotential(ArgumentsInSpace, FieldProblem[MeshTet, EdgeField]
 
     def _of_energy(self, field: EdgeField) -> Floats:
         return tangential_jumps(field)
-
-    def _of_goal(self, field: EdgeField, goal: Goal) -> Floats:
-        raise NotImplementedError

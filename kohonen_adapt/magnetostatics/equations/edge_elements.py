@@ -20,7 +20,6 @@ from kohonen_adapt.mesh.measures import EDGES, is_in_front, magnitude
 from kohonen_adapt.mesh.names import connected_components_of
 
 __all__ = [
-    "Curls",
     "EdgeElements",
     "conditions_on_edges",
     "open_surfaces",
@@ -47,12 +46,14 @@ class EdgeElements:
 
     nodes: Ints  # (2, nedges): lower and higher node of every edge
     unknowns: Ints  # (6, nelements): edges of every element
+    _known: tuple[Ints, csr_array] | None = None  # the pattern of the matrix by the free edges
 
     def __init__(self, elements: Space) -> None:
         self.elements, self.mesh = elements, elements.corners
         number_facets(self.mesh)
         number_edges(self.mesh)
         self.nodes, self.unknowns = self.mesh.edges, self.mesh.t2e
+        self.count = self.nodes.shape[1]
         self._sign = np.where(np.less(*self.mesh.t[EDGES]), 1.0, -1.0)
 
     @property
@@ -73,82 +74,70 @@ class EdgeElements:
         functions = barycentric[first] * hats[:, second] - barycentric[second] * hats[:, first]
         return np.einsum("cin,in->cn", functions, self._sign[:, element] * a[self.unknowns[:, element]])
 
-    @cached_property
-    def directions(self) -> Floats:
-        return self.mesh.p[:, self.nodes[1]] - self.mesh.p[:, self.nodes[0]]
-
     def on_facets(self, facets: Ints) -> Ints:
         return edges_around(self.mesh, facets)
 
     def circulation(self, a: Floats, facets: Ints) -> Floats:
         return FACET_SIGNS @ a[self.on_facets(facets)]
 
-    def turns_outward(self, facets: Ints) -> Mask:
+    def outward(self, facets: Ints) -> Floats:
+        """Return 1 where a circulation is a flux out of the first element, else -1."""
         mesh = self.mesh
         centroid = centroids_of(mesh, mesh.f2t[0, facets])
-        return is_in_front(mesh.p[:, np.sort(mesh.facets[:, facets], axis=0)], centroid)
+        return np.where(is_in_front(mesh.p[:, np.sort(mesh.facets[:, facets], axis=0)], centroid), 1.0, -1.0)
 
+    # in place of the gradients of an `Energy`
 
-class Curls:
-    """Curls of functions on edges, in place of the gradients of an `Energy`.
-
-    The matrix of ``int nu curl w . curl w`` of the free edges has one entry for both edges at a corner of a facet, and
-    one for opposite edges of an element. Its pattern is computed once for all nu.
-    """
-
-    def __init__(self, edges: EdgeElements, free: Ints) -> None:
-        self.edges, self.free = edges, free
-
-    def gradient(self, a: Floats) -> Floats:
-        return self.edges.curl(a)
+    gradient = curl
 
     def against_gradients(self, strength: Floats) -> Floats:
-        return np.einsum("cik,ck->ik", self.edges.curls, strength * self.edges.volumes)
+        return np.einsum("cik,ck->ik", self.curls, strength * self.volumes)
 
     def against_slopes(self, size: Floats) -> Floats:
-        return size * self.edges.volumes * magnitude(self.edges.curls)
+        return size * self.volumes * magnitude(self.curls)
 
     def assemble_vector(self, terms: Floats) -> Floats:
-        count = self.edges.nodes.shape[1]
-        return summed(self.edges.unknowns, terms, count)
+        return summed(self.unknowns, terms, self.count)
 
     @cached_property
     def _entry(self) -> Ints:
         # of the pairs in every element, (21, nelements)
-        mesh, found = self.edges.mesh, [self.edges.unknowns]
-        first, last = self.edges.nodes.shape[1], 3 * mesh.nelements
-        for facet, corners in enumerate(RefTet.facets):
-            for corner in corners:
-                others = [other for other in corners if other != corner]
-                rank = np.sum(mesh.t[others] < mesh.t[corner], axis=0)
-                found.append(first + 3 * mesh.t2f[facet][None] + rank)
+        mesh, first = self.mesh, self.count
+        at_corners = [
+            first + 3 * mesh.t2f[facet] + np.sum(mesh.t[corners] < mesh.t[corner], axis=0)
+            for facet, corners in enumerate(RefTet.facets)
+            for corner in corners
+        ]
         first += 3 * mesh.nfacets
-        return np.concatenate((*found, np.arange(first, first + last).reshape(3, -1)))
+        opposite = np.arange(first, first + 3 * mesh.nelements).reshape(3, -1)
+        return np.concatenate((self.unknowns, at_corners, opposite))
 
-    @cached_property
-    def _pattern(self) -> csr_array:
+    def _pattern_of(self, free: Ints) -> csr_array:
         # the matrix with entries in place of values
-        index, count = np.full(self.edges.nodes.shape[1], -1, np.int32), self.free.size
-        index[self.free] = np.arange(count)
-        ends = np.empty((2, int(self._entry.max()) + 1), np.int32)
-        ends[:, self._entry] = index[self.edges.unknowns[PAIRS]]
-        inner = np.flatnonzero(np.all(ends >= 0, axis=0)).astype(np.int32)
-        start, end = ends[:, inner]
-        other = np.flatnonzero(start != end)
-        places = np.append(start, end[other]), np.append(end, start[other])
-        return coo_array((np.append(inner, inner[other]), places), shape=(count, count)).tocsr()
+        if self._known is None or self._known[0] is not free:
+            index, count = np.full(self.count, -1, np.int32), free.size
+            index[free] = np.arange(count)
+            ends = np.empty((2, int(self._entry.max()) + 1), np.int32)
+            ends[:, self._entry] = index[self.unknowns[PAIRS]]
+            inner = np.flatnonzero(np.all(ends >= 0, axis=0)).astype(np.int32)
+            start, end = ends[:, inner]
+            other = np.flatnonzero(start != end)
+            places = np.append(start, end[other]), np.append(end, start[other])
+            entries = np.append(inner, inner[other])
+            self._known = free, coo_array((entries, places), shape=(count, count)).tocsr()
+        return self._known[1]
 
     def stiffness(self, across: Floats, free: Ints, along: FloatsPair | None = None) -> Reduced:
-        """Return the matrix for nu in every element.
+        """Return the matrix of ``int nu curl w . curl w`` of the free edges.
 
-        `across` is nu. `along` is a second coefficient and the unit vectors, shape (3, nelements), in whose direction
-        it applies. `free` are the edges of the pattern.
+        `across` is nu in every element. `along` is a second coefficient and the unit vectors, shape (3, nelements), in
+        whose direction it applies. The matrix has one entry for both edges at a corner of a facet, and one for opposite
+        edges of an element. Its pattern is computed once for all nu.
         """
-        edges, pattern = self.edges, self._pattern
-        forms = [(across * edges.volumes, edges.curls)]
+        pattern, forms = self._pattern_of(free), [(across * self.volumes, self.curls)]
         if along is not None:
-            slope = np.einsum("ck,cik->ik", along[1], edges.curls)
-            forms.append(((along[0] - across) * edges.volumes, slope[None]))
+            slope = np.einsum("ck,cik->ik", along[1], self.curls)
+            forms.append(((along[0] - across) * self.volumes, slope[None]))
         terms = [sum(w * np.einsum("ck,ck->k", a[:, i], a[:, j]) for w, a in forms) for i, j in PAIRS.T]
         values = summed(self._entry, np.array(terms))
         # CSR of a symmetric matrix is CSC
@@ -161,8 +150,7 @@ def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:
     A is zero along their edges, up to fields without circulation around any facet that are no gradients, one for every
     loop of the surface: the sides of a bar between two poles have one, and the flux of the bar is its circulation.
     """
-    count = edges.nodes.shape[1]
-    fixed, values = np.zeros(count, bool), np.zeros(count)
+    fixed, values = np.zeros(edges.count, bool), np.zeros(edges.count)
     used, around = np.unique(edges.on_facets(closed), return_inverse=True)
     fixed[used] = True
     loops = _loops(edges.nodes[:, used], around.reshape(3, -1))
@@ -174,7 +162,9 @@ def conditions_on_edges(edges: EdgeElements, closed: Ints) -> Conditions:
         return Conditions(fixed, values, free)
     on_surface = loops.tocoo()
     inner, ends = free[~np.isin(free, used)], (used[on_surface.row], on_surface.col)
-    extended = hstack((eye_array(count).tocsc()[:, inner], coo_array((on_surface.data, ends), (count, loops.shape[1]))))
+    extended = hstack(
+        (eye_array(edges.count).tocsc()[:, inner], coo_array((on_surface.data, ends), (edges.count, loops.shape[1])))
+    )
     return Conditions(fixed, values, free, join=csc_array(extended.tocsr()[free]))
 
 
@@ -237,6 +227,5 @@ def prescribed_flux_load(edges: EdgeElements, crossed: Ints, potential: Floats) 
     `potential` has the nodal values of phi, (nnodes,) in A.
     """
     mean = potential[edges.mesh.facets[:, crossed]].mean(axis=0)
-    outward = np.where(edges.turns_outward(crossed), 1.0, -1.0)
-    terms = -FACET_SIGNS[:, None] * (mean * outward)
-    return summed(edges.on_facets(crossed), terms, edges.nodes.shape[1])
+    terms = -FACET_SIGNS[:, None] * (mean * edges.outward(crossed))
+    return summed(edges.on_facets(crossed), terms, edges.count)

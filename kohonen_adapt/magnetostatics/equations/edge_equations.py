@@ -47,11 +47,12 @@ class EdgeDrive(Drive):
 def edge_drive(edges: EdgeElements, iron: Mask, function: AppliedField | None) -> EdgeDrive:
     mesh, elements, zeros = edges.mesh, edges.elements, np.zeros(edges.mesh.nvertices)
     if function is None:
-        none = np.zeros(edges.nodes.shape[1])
+        none = np.zeros(edges.count)
         return EdgeDrive(elements, None, np.zeros_like(iron), zeros, zeros, np.zeros((3, iron.size)), edges, none)
     circulation, _ = circulations(mesh.p, edges.nodes, function)
     of_iron = edges.unknowns[:, iron]
     chi, layer = total_potential(mesh, iron, circulation[np.unique(of_iron)])
     start, end = edges.nodes[:, of_iron]
-    circulation[of_iron] = chi[start] - chi[end] + np.sum(edges.directions[:, of_iron] * layer[:, None, iron], axis=0)
+    direction = mesh.p[:, end] - mesh.p[:, start]
+    circulation[of_iron] = chi[start] - chi[end] + np.sum(direction * layer[:, None, iron], axis=0)
     return EdgeDrive(elements, function, iron, chi, zeros, layer, edges, circulation)

@@ -50,7 +50,7 @@ class EdgeField(SolidField):
     def _potential_in(self, at: Points) -> Floats:
         return self.drive.edges.at(self.unknown, at.x, at.element)
 
-    def _reaction(self, x: Floats, element: Ints) -> Floats:
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
         density, function = self.flux_density[:, element], self.drive.function
         return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
 
@@ -112,5 +112,4 @@ class EdgeField(SolidField):
         (0.012566, -0.012566)
         """
         (facets, _, sign), edges = oriented_surface(self.mesh, surface), self.drive.edges
-        outward = np.where(edges.turns_outward(facets), 1.0, -1.0)
-        return float(np.sum(sign * outward * edges.circulation(self.unknown, facets)))
+        return float(np.sum(sign * edges.outward(facets) * edges.circulation(self.unknown, facets)))
