@@ -24,7 +24,7 @@ from kohonen_adapt.magnetostatics.equations.given_field import (
     checked_field,
     field_at,
 )
-from kohonen_adapt.magnetostatics.equations.newton import Newton, NewtonStep, refuse_unconverged
+from kohonen_adapt.magnetostatics.equations.newton import Newton, Steps, refuse_unconverged
 from kohonen_adapt.magnetostatics.equations.symmetry import (
     AXISYMMETRIC,
     PLANAR,
@@ -34,7 +34,6 @@ from kohonen_adapt.magnetostatics.equations.symmetry import (
     surface,
 )
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE
-from kohonen_adapt.magnetostatics.field_problem import store
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients, coefficients
 from kohonen_adapt.magnetostatics.materials.material import Material, check_materials
 from kohonen_adapt.magnetostatics.quantities.bodies import bores
@@ -104,7 +103,7 @@ class Arguments:
             "periodic": _checked_pairs("periodic", self.periodic),
             "antiperiodic": _checked_pairs("antiperiodic", self.antiperiodic),
         }
-        store(self, checked)
+        vars(self).update(checked)
 
     @property
     def per_metre(self) -> bool:
@@ -309,7 +308,7 @@ class ArgumentsInSpace:
             "symmetry": checked_symmetry(self.symmetry),
             "coils": checked_coils(self.coils),
         }
-        store(self, checked)
+        vars(self).update(checked)
 
     @property
     def free_field(self) -> AppliedField | None:
@@ -360,7 +359,7 @@ class ArgumentsInSpace:
         return field.kept["conditions"]
 
 
-def solved(start: SolidKind, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> SolidKind:
+def solved(start: SolidKind, unknown: Floats, steps: Steps = ()) -> SolidKind:
     result = replace(start, unknown=unknown, newton=steps)
     refuse_unconverged(result)
     return result

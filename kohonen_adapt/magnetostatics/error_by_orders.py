@@ -67,7 +67,7 @@ def indicators_by_orders(
     start, step = step_to(above, here.space, u, method) if higher is None else (higher, np.zeros_like(higher))
     change = above.vector(start + step) - above.vector_of(here, u)
     now = above.products(start, change, change)
-    return np.asarray(np.sqrt(now * sums_over_changes(before, now, order, singular)))
+    return np.sqrt(now * sums_over_changes(before, now, order, singular))
 
 
 def indicators_beside_edges(
@@ -101,7 +101,7 @@ def _from_below(
         squares.append(_squared_change(here, u, below, solution))
         here, u = below, solution
     now, before = squares
-    return np.asarray(np.sqrt(now * (sums_over_changes(before, now, order - 1, singular) - 1.0)))
+    return np.sqrt(now * (sums_over_changes(before, now, order - 1, singular) - 1.0))
 
 
 def _squared_change(here: Energy, u: Floats, below: Energy, solution: Floats) -> Floats:
@@ -130,7 +130,7 @@ def goal_indicators_by_orders(field: Any, higher: Any, dual: Callable[[Any], Flo
     here, above, change = _change_to(field, higher, energies)
     added = dual(higher) - above.space.interpolated(here.space, dual(field))
     products = above.products(higher.unknown, change, above.sign * above.space.gradient(added))
-    return np.asarray(np.sqrt(np.abs(products)))
+    return np.sqrt(np.abs(products))
 
 
 def change_by_further_orders(field: Any, higher: Any, energies: Energies, indicators: Floats) -> float:

@@ -13,7 +13,6 @@ from kohonen_adapt.estimators.residual_estimator import HIGHER_SCALES, Facets
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.conditions import ties_of
 from kohonen_adapt.magnetostatics.error_by_orders import FROM_BELOW, goal_indicators_by_orders, indicators_by_orders
-from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.material import Material
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -66,7 +65,7 @@ def energy_indicators(problem: Arguments, field: Field) -> Floats:
         else scalar_problem(field, problem.estimator, at_corners=field.axisymmetric)
     )
     if coefficients.varying_magnets and not field.axisymmetric:  # around an axis the flux has H at the corners
-        flux = flux.reshape(2, -1, field.mesh.nelements) + flux_variation(field, problem.materials)
+        flux = flux.reshape(2, -1, field.mesh.nelements) + flux_variation(field)
     source, joins = field.symmetry.source(field.current_density), any(m.turns for m in problem.materials.values())
     region = equal_materials(field, problem.materials) if joins or not is_linear else None
     return indicators_of_order_1(problem.estimator, (field.mesh, field.unknown, weight), source, flux, joined, region)
@@ -94,11 +93,11 @@ def _residual_scale(field: Field) -> float:
     return (AXIS_SCALES if field.axisymmetric else HIGHER_SCALES)[field.order]
 
 
-def flux_variation(field: Field, materials: Mapping[str, Material]) -> Floats:
+def flux_variation(field: Field) -> Floats:
     # Element means alone jump between elements where the magnet does not. For a Halbach cylinder the residual was 0.6
     # and the recovery 1.6 times the error; with the variation inside elements both are within 11 %.
-    index, x = field.coefficients.material_index, inner_points(field.mesh.p[:, field.mesh.t])
-    coercivity = np.stack([coercivity_at(materials, x[:, k], index) for k in range(3)], axis=1)
+    x, count = inner_points(field.mesh.p[:, field.mesh.t]).reshape(2, -1), field.mesh.nelements
+    coercivity = field.coefficients.coercivity_at(np.tile(np.arange(count), 3), x).reshape(2, 3, count)
     return field.symmetry.flux(2.0 * (coercivity - coercivity.mean(axis=1, keepdims=True)))
 
 

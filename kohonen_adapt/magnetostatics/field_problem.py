@@ -1,8 +1,7 @@
 """Methods that magnetostatic problems in the plane and in space have in common."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 from skfem import Mesh
@@ -14,7 +13,7 @@ from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
 
-__all__ = ["FieldProblem", "store"]
+__all__ = ["FieldProblem"]
 
 ROUNDING = 1e-12  # sum of the indicators of a goal, relative to its value, that rounding errors make
 
@@ -136,9 +135,9 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
     def _of_energy(self, field: FieldKind) -> Floats:
         """Return the indicators of the energy."""
 
-    @abstractmethod
     def _of_goal(self, field: FieldKind, goal: Goal) -> Floats:
         """Return the indicators of a goal."""
+        raise NotImplementedError
 
     def goal_error(self, field: FieldKind) -> float:
         """Return an estimate of the error of the goal, exact less computed value.
@@ -201,9 +200,3 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
         if self.goal is not None:
             raise NotOffered("the error of a goal is no fraction of the energy")
         return float(np.sqrt(field.squared_norm))
-
-
-def store(problem: object, values: Mapping[str, Any]) -> None:
-    """Set checked arguments of a frozen problem."""
-    for name, value in values.items():
-        object.__setattr__(problem, name, value)

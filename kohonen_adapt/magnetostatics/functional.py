@@ -11,7 +11,6 @@ from kohonen_adapt.estimators import residual
 from kohonen_adapt.magnetostatics.arguments import Arguments, ArgumentsInSpace
 from kohonen_adapt.magnetostatics.equations.applied_field import aligned_potential
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions, Value, circle_of
-from kohonen_adapt.magnetostatics.materials.coefficients import coercivity_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY, Inverse, Scaled
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.goals import Goal
@@ -92,15 +91,14 @@ def functional_of(problem: Arguments, field: Field) -> Ritz:
     coefficients, symmetry, conditions = field.coefficients, field.symmetry, problem.conditions_of(field)
     present, first, region = coefficients.present(problem.materials)
     flux: Flux = symmetry.flux(coefficients.coercivity[:, first])
-    if any(material.turns for material in present.values()):
+    if any(material.turns for material in present):
 
         def flux(x: Floats, index: Ints) -> Floats:
-            return symmetry.flux(coercivity_at(present, x, index))
+            return symmetry.flux(coefficients.coercivity_at(first[index], x))
 
-    laws: Sequence[EnergyLaw | None] = [material.bh for material in present.values()]
+    laws: Sequence[EnergyLaw | None] = [material.bh for material in present]
     if field.axisymmetric:
-        own = (material.bh for material in present.values() if material.bh is not None)
-        scaled = {id(law): Scaled(law, symmetry.extent) for law in own}
+        scaled = {id(each.bh): Scaled(each.bh, symmetry.extent) for each in present if each.bh is not None}
         laws = [scaled.get(id(law)) for law in laws]  # equal laws stay identical
     robin, name = dict[str, tuple[float, Value]](), problem.open_boundary
     if name is not None:
@@ -137,18 +135,18 @@ def functional_in_space(problem: ArgumentsInSpace, field: SolidField, functional
         raise NotOffered(f"tetrahedra of order {field.order} are not polished, only tetrahedra of order 1 and 2")
     coefficients = field.coefficients
     present, first, region = coefficients.present(problem.materials)
-    turning = [material for material in present.values() if material.turns]
+    turning = [material for material in present if material.turns]
     if any(material.bh is not None for material in turning):
         raise NotOffered("nonlinear magnets that vary in a region have no functional to minimise")
     if field.order > 1 and turning:
         raise NotOffered("tetrahedra of order 2 are polished beside constant magnets")
     mu, coercivity = 1.0 / coefficients.reluctivity[first], coefficients.coercivity[:, first]
-    laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present.values())
+    laws = tuple(None if material.bh is None else Inverse(material.bh) for material in present)
     flux: Flux = np.where([law is None for law in laws], mu * coercivity, 0.0)
     if turning:
 
         def flux(x: Floats, index: Ints) -> Floats:
-            return mu[index] * coercivity_at(present, x, index)
+            return mu[index] * coefficients.coercivity_at(first[index], x)
 
     return Ritz(
         field.unknown,

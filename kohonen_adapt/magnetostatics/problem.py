@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
+import numpy as np
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -14,8 +15,8 @@ from kohonen_adapt.magnetostatics.estimation import energy_indicators, goal_indi
 from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.functional import functional_for
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal
-from kohonen_adapt.magnetostatics.solution import field_of, linkage_slope, solution_of
+from kohonen_adapt.magnetostatics.quantities.linkage import Circuit, checked_circuit, turn_length, turns_density
+from kohonen_adapt.magnetostatics.solution import dual_of, field_of, solution_of
 from kohonen_adapt.magnetostatics.strong_corners import materials_of, with_strong_corners
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
 from kohonen_adapt.problem.evaluation import Output
@@ -177,8 +178,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         found = energy_indicators(self, field)
         return with_strong_corners(self, field, found) if self.estimator == "residual" else found
 
-    def _of_goal(self, field: Field, goal: Goal) -> Floats:
-        return goal_indicators(self, field, goal)
+    _of_goal = goal_indicators
 
     def functional(self, mesh: MeshTri, field: Field) -> float:
         """Return the functional that a solution minimises.
@@ -287,7 +287,7 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         nodes, least = corner_exponents(mesh, materials_of(self, blank))
         return dict(zip(nodes.tolist(), least.tolist(), strict=True))
 
-    def incremental_inductance(self, field: Field, circuit: Mapping[str, float]) -> float:
+    def incremental_inductance(self, field: Field, circuit: Circuit) -> float:
         """Return ``d linkage / d current`` of a circuit for small changes of its current.
 
         The problem is linearised at the solution, with the differential reluctivity along B and the secant one across.
@@ -311,7 +311,9 @@ class Magnetostatics(Arguments, FieldProblem[MeshTri, Field]):
         ValueError
             If the circuit is no such mapping, or the mesh lacks its names.
         """
-        return linkage_slope(self, field, circuit)
+        density, zero = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
+        change = dual_of(self, field, (field.symmetry.source(density), zero)).values
+        return turn_length(field) * float(field.elements.loads(density, zero) @ change)
 
     def improved(self, mesh: MeshTri, field: Field, outputs: Mapping[str, Output]) -> Mapping[str, float]:
         """Return better values of outputs.

@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.error_by_orders import (
     indicators_beside_edges,
     step_to,
 )
-from kohonen_adapt.magnetostatics.field_problem import FieldProblem, store
+from kohonen_adapt.magnetostatics.field_problem import FieldProblem
 from kohonen_adapt.magnetostatics.functional import functional_in_space
 from kohonen_adapt.magnetostatics.hypercircle import gap_indicators, with_currents_of
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import ends_far
@@ -125,7 +125,7 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        store(self, {"order": checked_choices(self, 3, ORDERS, ESTIMATORS)})
+        vars(self)["order"] = checked_choices(self, 3, ORDERS, ESTIMATORS)
 
     @property
     def orders(self) -> tuple[int, int]:
@@ -166,9 +166,8 @@ class MagneticScalarPotential(ArgumentsInSpace, FieldProblem[MeshTet, SolidField
         NotConverged
             If Newton's method does not converge (a kind of LinAlgError); its `field` is the last iterate.
         """
-        return (self if order is None else replace(self, order=order))._solved(mesh)
-
-    def _solved(self, mesh: MeshTet) -> SolidField:
+        if order is not None:
+            return replace(self, order=order).solve(mesh)
         energy, start = self.functional_on(mesh)
         if energy.is_quadratic:
             return solved(start, self.method.linear(energy))

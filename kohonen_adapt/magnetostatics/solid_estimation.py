@@ -62,8 +62,8 @@ class EnrichedField(SolidField):
         # The quadrature of the elements is a part of the error near coils.
         return self.elements.shape.quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
 
-    def _reaction(self, x: Floats, element: Ints) -> Floats:
-        return super()._reaction(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+        return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 
     def _vectors(self, at: Points, unknown: Floats) -> Floats:
         return super()._vectors(at, unknown) - self.cubic_slope(at.x, at.element)
@@ -71,7 +71,7 @@ class EnrichedField(SolidField):
     def cubic_slope(self, x: Floats, element: Ints) -> Floats:
         _, slopes = cubic_functions(self.elements.barycentric(x, element).T)
         along = np.einsum("in,ian->an", self.cubic[:, element], slopes)
-        return np.asarray(np.einsum("an,can->cn", along, self.elements.hats[:, 1:, element]))
+        return np.einsum("an,can->cn", along, self.elements.hats[:, 1:, element])
 
 
 def energy_indicators_in_space(problem: ArgumentsInSpace, field: SolidField, estimator: str) -> Floats:
@@ -171,7 +171,7 @@ def goal_indicators_in_space(problem: ArgumentsInSpace, field: SolidField, goal:
     surplus, error = surplus_of(problem, field), cubic_error(problem, field)[0]
     divergence = np.tile(np.einsum("cik,cik->k", of_dual, elements.hats), (4, 1))
     right = surplus.residual(of_dual, divergence) * surplus.signs
-    return np.asarray(np.sqrt(np.abs(np.sum(right * error, axis=0))))
+    return np.sqrt(np.abs(np.sum(right * error, axis=0)))
 
 
 def with_surplus(problem: ArgumentsInSpace, field: SolidField) -> EnrichedField:

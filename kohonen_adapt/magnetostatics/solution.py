@@ -1,16 +1,13 @@
 """Solutions of plane problems, with their functionals and linearisations."""
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy.spatial import KDTree
 
 from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.magnetostatics.arguments import Arguments
 from kohonen_adapt.magnetostatics.equations.energy import PlaneEnergy
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep, refuse_unconverged
+from kohonen_adapt.magnetostatics.equations.newton import Steps, refuse_unconverged
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
-from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.elements.space import Space
 
 __all__ = [
@@ -19,17 +16,15 @@ __all__ = [
     "dual_of",
     "energy_of",
     "field_of",
-    "linkage_slope",
     "richer_solution",
     "solution_of",
-    "tangent_solution",
     "unknown_of",
 ]
 
 
 def unknown_of(
     problem: Arguments, energy: PlaneEnergy, old: Field | None = None, linearised: bool = False
-) -> tuple[Floats, tuple[NewtonStep, ...]]:
+) -> tuple[Floats, Steps]:
     # The minimiser, or the Newton step from `old`. The field `old` may be on another mesh.
     newton, conditions = problem.method, energy.conditions
     if energy.is_quadratic:
@@ -61,7 +56,7 @@ def solution_of(problem: Arguments, energy: PlaneEnergy, old: Field | None = Non
     return field
 
 
-def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: tuple[NewtonStep, ...] = ()) -> Field:
+def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: Steps = ()) -> Field:
     elements = energy.space
     values = energy.symmetry.potential(elements.doflocs, unknown)
     arguments = elements.mesh, values[: elements.corners.nvertices], energy.coefficients, energy.symmetry, depth, steps
@@ -71,16 +66,6 @@ def field_of(energy: PlaneEnergy, depth: float | None, unknown: Floats, steps: t
     return field
 
 
-def tangent_solution(problem: Arguments, field: Field, load: Floats) -> Floats:
-    """Return the linearised change of `field.unknown` by `load`, shape (nunknowns,).
-
-    The problem is linearised at the field, with the differential reluctivity along B and the secant one across.
-    Prescribed values do not change. `load` is as in `Space.loads`.
-    """
-    energy = energy_of(problem, field)
-    return problem.method.full_step(energy, field.unknown, -load[energy.conditions.free])
-
-
 def at_points(field: Field, derivative: FloatsPair) -> FloatsPair:
     (source, load), at = derivative, field.at_quadrature
     return source, load if load.shape == at.x.shape else load[:, at.element]
@@ -88,7 +73,9 @@ def at_points(field: Field, derivative: FloatsPair) -> FloatsPair:
 
 def dual_of(problem: Arguments, field: Field, derivative: FloatsPair) -> Dual:
     source, load = at_points(field, derivative)
-    return Dual(tangent_solution(problem, field, field.elements.loads(source, load)), source, load)
+    energy, terms = energy_of(problem, field), field.elements.loads(source, load)
+    values = problem.method.full_step(energy, field.unknown, -terms[energy.conditions.free])
+    return Dual(values, source, load)
 
 
 def richer_solution(problem: Arguments, field: Field, linearised: bool = False) -> Field:
@@ -106,10 +93,3 @@ def energy_of(problem: Arguments, field: Field, order: int | None = None) -> Pla
         elements = Space(field.mesh, order, field.coefficients.nonlinear, field.axisymmetric)
     conditions = problem.conditions_of(field, elements)
     return PlaneEnergy.of(elements, field.symmetry, field.coefficients, conditions)
-
-
-def linkage_slope(problem: Arguments, field: Field, circuit: Mapping[str, float]) -> float:
-    density, zero = turns_density(field, checked_circuit(circuit)), np.zeros_like(field.elements.points)
-    linked = field.elements.loads(density, zero)
-    load = field.elements.loads(field.symmetry.source(density), zero)
-    return turn_length(field) * float(linked @ tangent_solution(problem, field, load))

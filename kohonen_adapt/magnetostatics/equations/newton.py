@@ -55,6 +55,9 @@ class NewtonStep:
         return self.residual <= TOLERANCE and self.remaining <= TOLERANCE
 
 
+Steps = tuple[NewtonStep, ...]
+
+
 class NotConverged(np.linalg.LinAlgError):
     """Newton's method has not converged (a kind of ValueError).
 
@@ -114,7 +117,7 @@ class Newton:
         values, quadratic = energy.conditions.values, energy.at_zero_field()
         return values + self.full_step(quadratic, values, quadratic.gradient(values))
 
-    def descend_coenergy(self, energy: Energy, start: Floats | None = None) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    def descend_coenergy(self, energy: Energy, start: Floats | None = None) -> tuple[Floats, Steps]:
         # Newton's method for the potential and B together (as Chan, Golub and Mulet, SIAM J. Sci. Comput. 20, 1999, for
         # another functional), by default from the solution of the material at zero field. In saturation H(B) is convex
         # where B(H) is concave, so that the next step corrects a B that is too large. The functional may rise for some
@@ -146,7 +149,7 @@ class Newton:
         u, rest = replace(self, most_steps=self.most_steps - len(steps)).descend(energy, best)
         return u, (*steps, *rest)
 
-    def descend(self, energy: Energy, start: Floats) -> tuple[Floats, tuple[NewtonStep, ...]]:
+    def descend(self, energy: Energy, start: Floats) -> tuple[Floats, Steps]:
         """Return the last values and all steps of a descent from admissible values.
 
         Steps are halved until the functional decreases by a fraction of the slope (Armijo), up to rounding. A whole

@@ -77,8 +77,8 @@ class Table(Continued):
         steep = steep[np.isfinite(steep) & (steep > 0.0)]  # nan marks a piece of constant slope
         first = float(steep.min(initial=b[-1]))
         whole = b[:-1][secant >= VACUUM_RELUCTIVITY * (1 - 1e-9)]
-        vars(self).update(end=float(whole.min(initial=first)), _strength=curve)
-        vars(self).update(_slope=curve.derivative(), _energy=curve.antiderivative())
+        vars(self).update(_strength=curve, _slope=curve.derivative(), _energy=curve.antiderivative())
+        vars(self)["end"] = float(whole.min(initial=first))
         if self.end == 0.0 or slope[0] >= VACUUM_RELUCTIVITY:
             raise ValueError(
                 "bh must begin with a slope dB/dH above mu0; it is less permeable than vacuum from its start, "

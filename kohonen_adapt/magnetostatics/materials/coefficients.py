@@ -19,7 +19,6 @@ __all__ = [
     "Coefficients",
     "NonlinearMaterial",
     "coefficients",
-    "coercivity_at",
     "material_of_elements",
     "subdomains_at",
 ]
@@ -30,7 +29,7 @@ class NonlinearMaterial(NamedTuple):
     elements: Ints
 
 
-class VaryingMagnet(NamedTuple):
+class OfMaterial(NamedTuple):
     name: str
     material: Material
     elements: Ints
@@ -44,7 +43,7 @@ class Coefficients:
     coercivity: Floats  # (d, nelements) in A/m, in H = nu B - Hc
     current_density: Floats  # (nelements,) in A/m^2
     nonlinear_materials: tuple[NonlinearMaterial, ...] = ()  # the nonlinear materials
-    varying_magnets: tuple[VaryingMagnet, ...] = ()  # magnets with means as remanence and coercivity
+    varying_magnets: tuple[OfMaterial, ...] = ()  # magnets with means as remanence and coercivity
 
     @property
     def flux(self) -> Floats:
@@ -53,23 +52,43 @@ class Coefficients:
 
     @property
     def nonlinear(self) -> Mask:
+        return self._in(self.nonlinear_materials)
+
+    @property
+    def of_its_own(self) -> Mask:
+        """True in material that varies within elements, by its law or as a magnet."""
+        return self._in((*self.nonlinear_materials, *self.varying_magnets))
+
+    def _in(self, groups: Any) -> Mask:
         found = np.zeros(self.material_index.size, bool)
-        for _, rows in self.nonlinear_materials:
-            found[rows] = True
+        for group in groups:
+            found[group.elements] = True
         return found
 
-    def at_points(self, element: Ints, x: Floats) -> "Coefficients":
+    def at_points(self, element: Ints, x: Floats, means: bool = False) -> "Coefficients":
         names = ("material_index", "reluctivity", "remanence", "coercivity", "current_density")
         arrays = {name: getattr(self, name)[..., element] for name in names}
-        groups: tuple[Any, Any] = self.nonlinear_materials, self.varying_magnets
+        groups: tuple[Any, Any] = self.nonlinear_materials, () if means else self.varying_magnets
         laws, magnets = (
-            tuple(group._replace(elements=np.flatnonzero(np.isin(element, group.elements))) for group in kind)
+            tuple(group._replace(elements=np.flatnonzero(self._belongs(element, group))) for group in kind)
             for kind in groups
         )
-        for name, material, rows in magnets:
-            arrays["coercivity"][:, rows] = coercivity = _coercivity_of(material, x[:, rows], name)
-            arrays["remanence"][:, rows] = _remanence_of(material, coercivity)
+        if magnets:
+            arrays["coercivity"] = self.coercivity_at(element, x)
+        for _, material, rows in magnets:
+            arrays["remanence"][:, rows] = _remanence_of(material, arrays["coercivity"][:, rows])
         return replace(self, **arrays, nonlinear_materials=laws, varying_magnets=magnets)
+
+    def coercivity_at(self, element: Ints, x: Floats) -> Floats:
+        found = self.coercivity[:, element]
+        for magnet in self.varying_magnets:
+            own = self._belongs(element, magnet)
+            found[:, own] = _coercivity_of(magnet.material, x[:, own], magnet.name)
+        return found
+
+    def _belongs(self, element: Ints, group: Any) -> Mask:
+        # A search in the many elements of a group takes longer.
+        return np.isin(self.material_index[element], self.material_index[group.elements[:1]])
 
     def at_quadrature(self, element: Ints, x: Floats) -> "Coefficients":
         return self if element.size == self.material_index.size else self.at_points(element, x)
@@ -101,9 +120,10 @@ class Coefficients:
             strength[:, rows] = secant * flux_density[:, rows] - self.coercivity[:, rows]
         return strength
 
-    def present(self, materials: Mapping[str, Material]) -> tuple[dict[str, Material], Ints, Ints]:
+    def present(self, materials: Mapping[str, Material]) -> tuple[list[Material], Ints, Ints]:
         used, first, index = np.unique(self.material_index, return_index=True, return_inverse=True)
-        return {name: material for k, (name, material) in enumerate(materials.items()) if k in used}, first, index
+        every = list(materials.values())
+        return [every[k] for k in used], first, index
 
     def energy_density(self, flux_density: Floats) -> Floats:
         """Return ``int H . dB`` from the remanent state, >= 0, (nelements,) in J/m^3."""
@@ -136,29 +156,20 @@ def coefficients(
             )
         current_density[rows] = total / found
     remanence, coercivity = np.zeros((2, len(mesh.p), material_index.size))
-    nonlinear_materials, varying_magnets = list[NonlinearMaterial](), list[VaryingMagnet]()
-    for index, (name, material) in enumerate(materials.items()):
-        rows = np.flatnonzero(material_index == index)
+    groups = [
+        OfMaterial(name, material, np.flatnonzero(material_index == index))
+        for index, (name, material) in enumerate(materials.items())
+    ]
+    for name, material, rows in groups:
         # The equations of order 1 depend on the mean coercivity of an element. Its value at the centroid is off the
         # mean by as much as the solution is in error.
         points = inner_points(mesh.p[:, mesh.t[:, rows]]) if material.turns else mesh.p[:, mesh.t[:1, rows]]
         values = [_coercivity_of(material, x, name) for x in points.swapaxes(0, 1)]
         coercivity[:, rows] = np.mean(values, axis=0)
         remanence[:, rows] = _remanence_of(material, coercivity[:, rows])
-        if material.bh is not None:
-            nonlinear_materials.append(NonlinearMaterial(material.bh, rows))
-        if material.turns:
-            varying_magnets.append(VaryingMagnet(name, material, rows))
-    nonlinear, varying = tuple(nonlinear_materials), tuple(varying_magnets)
+    nonlinear = tuple(NonlinearMaterial(each.bh, rows) for _, each, rows in groups if each.bh is not None)
+    varying = tuple(group for group in groups if group.material.turns)
     return Coefficients(material_index, reluctivity, remanence, coercivity, current_density, nonlinear, varying)
-
-
-def coercivity_at(materials: Mapping[str, Material], x: Floats, material_index: Ints) -> Floats:
-    coercivity = np.zeros_like(x)
-    for index, (name, material) in enumerate(materials.items()):
-        rows = material_index == index
-        coercivity[:, rows] = _coercivity_of(material, x[:, rows], name)
-    return coercivity
 
 
 def _coercivity_of(material: Material, x: Floats, name: str) -> Floats:

@@ -312,7 +312,7 @@ def flux_density_of(law: Law, h: Floats) -> Floats:
         found[rows] = middle = 0.5 * (low + high)
         below = law.field_strength(middle) < target[rows]
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray(found).reshape(np.shape(h))
+    return found.reshape(np.shape(h))
 
 
 def _check_above(bound: float, label: str, value: Any, or_equal: bool = False) -> None:

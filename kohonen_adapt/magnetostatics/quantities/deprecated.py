@@ -1,7 +1,6 @@
 """Functions that are replaced by methods of fields, and will be removed in 1.2."""
 
 import warnings
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +10,7 @@ from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.bodies import air_elements
 from kohonen_adapt.magnetostatics.quantities.field import Field
 from kohonen_adapt.magnetostatics.quantities.forces import check_plane, check_torque, checked_point, current_force
-from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit
+from kohonen_adapt.magnetostatics.quantities.linkage import Circuit, checked_circuit
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.names import Names, elements_in
 
@@ -105,7 +104,7 @@ def lorentz_torque(field: Field, coil: Names, centre: ArrayLike = (0.0, 0.0)) ->
     return float(np.sum(x * force[1] - y * force[0]))
 
 
-def circuit_current(field: Field, circuit: Mapping[str, float]) -> float:
+def circuit_current(field: Field, circuit: Circuit) -> float:
     """Return the current in the conductor of a circuit.
 
     Deprecated, and removed in 1.2: use the current that you have given to the problem.
@@ -132,7 +131,7 @@ def circuit_current(field: Field, circuit: Mapping[str, float]) -> float:
     return _current(field, circuit)
 
 
-def _current(field: Field, circuit: Mapping[str, float]) -> float:
+def _current(field: Field, circuit: Circuit) -> float:
     if len(field.mesh.p) != 2:
         raise ValueError(
             "circuits are sides of coils on meshes of triangles. In space give the coil in coils and use "
@@ -150,7 +149,7 @@ def _current(field: Field, circuit: Mapping[str, float]) -> float:
     return mean
 
 
-def apparent_inductance(field: Field, circuit: Mapping[str, float]) -> float:
+def apparent_inductance(field: Field, circuit: Circuit) -> float:
     """Return the flux linkage of a circuit divided by its current.
 
     Deprecated, and removed in 1.2: divide the linkage by the current, as in the example.
@@ -190,7 +189,7 @@ def apparent_inductance(field: Field, circuit: Mapping[str, float]) -> float:
     return sum(field.flux_linkage(name, turns) for name, turns in circuit.items()) / current
 
 
-def energy_inductance(field: Field, circuit: Mapping[str, float]) -> float:
+def energy_inductance(field: Field, circuit: Circuit) -> float:
     """Return ``2 W / I^2`` of a circuit, with the stored energy W of the whole field.
 
     Deprecated, and removed in 1.2: divide ``2 field.energy`` by the squared current.

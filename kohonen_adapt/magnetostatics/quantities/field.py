@@ -1,6 +1,6 @@
 """Solved plane field with values at points, forces, torques and flux linkages."""
 
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import Floats, Ints
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.arrays import Floats
+from kohonen_adapt.magnetostatics.equations.newton import Steps
 from kohonen_adapt.magnetostatics.equations.symmetry import PLANAR, Symmetry
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, checked_point, force_along
@@ -79,7 +79,7 @@ class Field(MagneticField):
     coefficients: Coefficients
     symmetry: Symmetry = PLANAR
     depth: float | None = None
-    newton: tuple[NewtonStep, ...] = ()
+    newton: Steps = ()
     _: KW_ONLY
     values: Floats | None = None
     degree: int = 1
@@ -103,10 +103,6 @@ class Field(MagneticField):
 
     def _vectors(self, at: Points, unknown: Floats) -> Floats:
         return self.symmetry.flux_density(at.off_axis, at.slope(unknown))
-
-    def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
-        means = self.elements.has_constant_gradients
-        return (replace(self.coefficients, varying_magnets=()) if means else self.coefficients).at_points(element, x)
 
     def _against(self, at: PointField, weight: Floats) -> Floats:
         return self.symmetry.flux(weight) / self.symmetry.volume(at.x, np.ones(at.x.shape[1]))

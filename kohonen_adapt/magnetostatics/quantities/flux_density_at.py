@@ -6,9 +6,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.checks import is_number, point_text
-from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.quantities.forces import checked_point
 from kohonen_adapt.magnetostatics.quantities.goals import POINT, SIZES, VectorGoal, unit_vector
 from kohonen_adapt.mesh.cells import width_of
@@ -67,20 +66,13 @@ def unit_rule(exponent: int, radii: int, around: int, latitudes: int = 1) -> Flo
 def is_harmonic(field: Any, element: int) -> bool:
     coefficients = field.coefficients
     turns = field.axisymmetric and coefficients.current_density[element] != 0.0
-    return not (turns or coefficients.nonlinear[element] or _varies(coefficients)[element])
-
-
-def _varies(coefficients: Coefficients) -> Mask:
-    varies = np.zeros_like(coefficients.nonlinear)
-    for magnet in coefficients.varying_magnets:
-        varies[magnet.elements] = True
-    return varies
+    return not (turns or coefficients.of_its_own[element])
 
 
 def distance_to_jumps(field: Any, x: Floats, include_current: bool) -> float:
     # The axis of an axisymmetric field is no boundary, and B has a kink where the current density jumps.
     mesh, coefficients = field.elements.corners, field.coefficients
-    of_its_own = coefficients.nonlinear | _varies(coefficients)
+    of_its_own = coefficients.of_its_own
     rows = [
         np.where(of_its_own, 0.0, np.vstack((coefficients.reluctivity, coefficients.coercivity))),
         np.where(of_its_own, coefficients.material_index, -1),
@@ -141,8 +133,8 @@ class FluxDensityAt(VectorGoal):
 
     def __post_init__(self) -> None:
         point = checked_point("x of FluxDensityAt", self.x, POINT, SIZES)
-        object.__setattr__(self, "x", tuple(point.tolist()))
-        object.__setattr__(self, "direction", unit_vector("direction of FluxDensityAt", self.direction))
+        vars(self)["x"] = tuple(point.tolist())
+        vars(self)["direction"] = unit_vector("direction of FluxDensityAt", self.direction)
         if len(self.x) != len(self.direction):
             raise ValueError(
                 "x and direction of FluxDensityAt must have equally many components; got "

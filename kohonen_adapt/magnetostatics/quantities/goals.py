@@ -4,7 +4,6 @@ A further goal is a class with `Goal`'s two methods, as `flux_density_at.FluxDen
 """
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
@@ -13,7 +12,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, FloatsPair
 from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil
 from kohonen_adapt.magnetostatics.quantities.forces import OUT_OF_PAGE, OfBody, checked_point, parts_along
-from kohonen_adapt.magnetostatics.quantities.linkage import checked_circuit, turn_length, turns_density
+from kohonen_adapt.magnetostatics.quantities.linkage import Circuit, checked_circuit, turn_length, turns_density
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.mesh.names import Names, elements_in
 
@@ -170,7 +169,7 @@ class Force(_ComponentGoal):
     vector: ClassVar[str] = "direction"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "direction", unit_vector("direction of Force", self.direction))
+        vars(self)["direction"] = unit_vector("direction of Force", self.direction)
 
     @property
     def _along(self) -> tuple[Floats, None]:
@@ -217,14 +216,14 @@ class Torque(_ComponentGoal):
 
     def __post_init__(self) -> None:
         centre = checked_point("centre of Torque", self.centre, POINT, SIZES)
-        object.__setattr__(self, "centre", tuple(centre.tolist()))
+        vars(self)["centre"] = tuple(centre.tolist())
         if (self.axis is None) != (len(self.centre) == 2):
             raise ValueError(
                 "Torque takes a centre (x, y) in the plane, and in space a centre (x, y, z) and an axis (x, y, z); got "
                 f"the centre {self.centre} and the axis {self.axis!r}."
             )
         if self.axis is not None:
-            object.__setattr__(self, "axis", unit_vector("axis of Torque", self.axis))
+            vars(self)["axis"] = unit_vector("axis of Torque", self.axis)
 
     @property
     def _along(self) -> FloatsPair:
@@ -260,11 +259,11 @@ class FluxLinkage(Goal):
     >>> goal = FluxLinkage({"coil": 100, "return": -100})  # for `Magnetostatics(goal=)`, as in `Force`
     """
 
-    circuit: Mapping[str, float]
+    circuit: Circuit
     unit: ClassVar[str] = "Wb"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "circuit", checked_circuit(self.circuit))
+        vars(self)["circuit"] = checked_circuit(self.circuit)
 
     def __call__(self, field: Any) -> float:
         """Return the linkage in Wb/m, with `depth`, axisymmetric and in space in Wb."""

@@ -11,6 +11,7 @@ from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = [
+    "Circuit",
     "checked_circuit",
     "checked_turns",
     "turn_length",
@@ -18,7 +19,10 @@ __all__ = [
 ]
 
 
-def turns_density(field: MagneticField, circuit: Mapping[str, float]) -> Floats:
+Circuit = Mapping[str, float]
+
+
+def turns_density(field: MagneticField, circuit: Circuit) -> Floats:
     """Return the turns per area of a circuit, shape (nelements,) in 1/m^2.
 
     `turn_length` times this density is the w whose ``int w field.unknown`` over the plane is the linkage.

@@ -39,7 +39,7 @@ class MagneticField(ABC):
     depth: float | None = None
     kind: ClassVar[Any] = PointField  # of values at points, by their vectors
     far: bool  # True if the potential is 0 far away, of fields with coils
-    _reaction: Any
+    reaction_at: Any  # B in air less the field of coils in free space, at points of elements
 
     @property
     @abstractmethod
@@ -126,18 +126,13 @@ class MagneticField(ABC):
         return self._values(at, self.coefficients.at_quadrature(at.element, at.x))
 
     def _values(self, at: Points, coefficients: Coefficients | None = None) -> Any:
-        coefficients = coefficients or self._coefficients_at(at.element, at.x)
+        # In the plane B is constant where gradients are, and takes the means of magnets.
+        means = self.elements.dim == 2 and self.elements.has_constant_gradients
+        coefficients = coefficients or self.coefficients.at_points(at.element, at.x, means)
         return self.kind(at.element, at.x, self._vectors(at, self.unknown), coefficients)
-
-    def _coefficients_at(self, element: Ints, x: Floats) -> Coefficients:
-        return self.coefficients.at_points(element, x)
 
     def _potential_in(self, at: Points) -> Floats:
         return self.symmetry.potential(at.x, self.elements.at(self.unknown, at.element, at.share))
-
-    def reaction_at(self, x: Floats, element: Ints) -> Any:
-        """Return B in air less the field of coils in free space, at points of elements."""
-        return self._reaction(x, element)
 
     # derivatives
 
@@ -282,7 +277,7 @@ class MagneticField(ABC):
 
     @cached_property
     def magnetised(self) -> Mask:
-        return np.asarray((np.abs(self.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN) | self.remanence.any(axis=0))
+        return (np.abs(self.reluctivity * VACUUM_PERMEABILITY - 1.0) > PLAIN) | self.remanence.any(axis=0)
 
     @cached_property
     def magnetisation(self) -> FloatsPair:

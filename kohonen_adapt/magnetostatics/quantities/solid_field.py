@@ -13,7 +13,7 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import finite_triple
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.given_field import Sources
-from kohonen_adapt.magnetostatics.equations.newton import NewtonStep
+from kohonen_adapt.magnetostatics.equations.newton import Steps
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -64,7 +64,7 @@ class SolidField(MagneticField):
     coefficients: Coefficients
     drive: Drive
     planes: Mapping[str, Mirror]
-    newton: tuple[NewtonStep, ...] = ()
+    newton: Steps = ()
     far: bool = False
     kind: ClassVar[Any] = Strength  # of a scalar potential
 
@@ -94,18 +94,17 @@ class SolidField(MagneticField):
 
     def _vectors(self, at: Points, unknown: Floats) -> Floats:
         given = getattr(self.drive, at.given) if at.given else self.drive.at(at.x, at.element)
-        return np.asarray(given - at.slope(unknown))
+        return given - at.slope(unknown)
 
     @cached_property
     def _in_laws(self) -> Strength:
         # The field of coils takes time, and no linear material needs H.
-        found: Strength = self._at_quadrature("inside_at_points")
-        return found
+        return self._at_quadrature("inside_at_points")
 
     def _potential_in(self, at: Points) -> Floats:
         return self.elements.at(self.potential, at.element, at.share)
 
-    def _reaction(self, x: Floats, element: Ints) -> Floats:
+    def reaction_at(self, x: Floats, element: Ints) -> Floats:
         barycentric = self.elements.barycentric(x, element)
         return -VACUUM_PERMEABILITY * self.elements.gradient_at(self.potential, element, barycentric)
 
