@@ -50,9 +50,7 @@ class Ties:
     master: Ints  # (nunknowns,): representative of each class of tied unknowns
     sign: Floats  # (nunknowns,): 1.0 or -1.0
     zero: Mask  # (nunknowns,): classes with u = -u, so that u = 0
-    first: Ints  # (k,): unknowns tied to ...
-    second: Ints  # (k,): ... these unknowns
-    relative_sign: Floats  # (k,): sign between both, 1.0 for periodic, -1.0 for antiperiodic
+    tied: Mask  # (nunknowns,): unknowns on paired sides
     facets: tuple[Ints, Ints, Floats]  # (f,) each: tied facets, their images, and the sign between both
 
 
@@ -67,10 +65,7 @@ class Conditions:
 
     @property
     def fixed_or_tied(self) -> Mask:
-        fixed_or_tied = self.fixed.copy()
-        if self.ties is not None:
-            fixed_or_tied[self.ties.first] = fixed_or_tied[self.ties.second] = True
-        return fixed_or_tied
+        return self.fixed if self.ties is None else self.fixed | self.ties.tied
 
     def on(self, rows: Ints) -> "Conditions":
         join = None
@@ -89,14 +84,10 @@ class Conditions:
     def to_classes(self, gradient: Floats) -> Floats:
         return gradient if self.join is None else self.join.T @ gradient
 
-    def from_classes(self, values: Floats) -> Floats:
-        return values if self.join is None else self.join @ values
-
     def admissible(self, values: Floats) -> Floats:
-        result = np.where(self.fixed, self.values, values)
         if self.ties is not None:
-            result = np.where(self.fixed, self.values, self.ties.sign * result[self.ties.master])
-        return result
+            values = self.ties.sign * np.where(self.fixed, self.values, values)[self.ties.master]
+        return np.where(self.fixed, self.values, values)
 
 
 def conditions_of(elements: Space, given: Any, symmetry: Symmetry, anchored: bool = False) -> Conditions:
@@ -200,7 +191,7 @@ def ties_of(elements: Space, periodic: Sequence[Pair], antiperiodic: Sequence[Pa
     first, second, relative_sign = map(np.concatenate, zip(*tied, strict=True))
     one, other, of_facet = map(np.concatenate, zip(*tied_facets, strict=True))
     classes = _classes(elements.doflocs.shape[1], first, second, relative_sign)
-    return Ties(*classes, first, second, relative_sign, (one, other, of_facet))
+    return Ties(*classes, np.isin(np.arange(classes[0].size), (first, second)), (one, other, of_facet))
 
 
 def _classes(count: int, first: Ints, second: Ints, relative_sign: Floats) -> tuple[Ints, Floats, Mask]:
@@ -235,9 +226,8 @@ def check_anchored(mesh: MeshTri, conditions: Conditions) -> None:
     if conditions.open_boundary is not None:
         anchored |= conditions.open_boundary.matrix.diagonal()[:nodes] > 0.0
     if ties is not None:
-        tied, inside = np.stack((ties.first, ties.second), axis=1), ties.first < nodes
-        pairs = np.concatenate((pairs, tied[inside]))
-        anchored[ties.first[inside & (ties.relative_sign < 0.0)]] = True  # u = -u fixes the constant
+        pairs = np.concatenate((pairs, np.stack((np.arange(nodes), ties.master[:nodes]), axis=1)))
+        anchored |= (ties.zero | (ties.sign < 0.0))[:nodes]  # u = -u fixes the constant
     component = connected_components_of(nodes, pairs)
     floating, count = np.setdiff1d(component, component[anchored]), component.max() + 1
     if floating.size:

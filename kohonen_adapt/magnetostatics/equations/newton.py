@@ -104,7 +104,8 @@ class Newton:
                 outer = self.solver.in_order(matrix, right)
             else:
                 outer = self.solver.solve(matrix, right, hessian.subspaces)
-            outer = on_rows.from_classes(outer)
+            if on_rows.join is not None:
+                outer = on_rows.join @ outer
             step[conditions.free] = hessian.completed(outer, -gradient)
         if not np.all(np.isfinite(step)):
             raise np.linalg.LinAlgError(
