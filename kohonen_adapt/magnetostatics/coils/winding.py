@@ -218,10 +218,8 @@ class Winding:
     @cached_property
     def edges(self) -> Floats:
         # closed polygons (4, 3, m): inner low, outer low, outer high, inner high
-        inner, outer = self._line(0.5 * self.width), self._line(-0.5 * self.width)
-        low, high = -0.5 * self.height, 0.5 * self.height
-        lines = ((inner, low), (outer, low), (outer, high), (inner, high))
-        return np.stack([self.in_space(line, z) for line, z in lines])
+        places = ((0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
+        return np.stack([self.in_space(self._line(left * self.width), up * self.height) for left, up in places])
 
     @property
     def surface(self) -> Floats:

@@ -31,8 +31,7 @@ class EdgeDrive(Drive):
     @property
     def mean(self) -> Floats:
         # (3, nelements)
-        mesh = self.edges.mesh
-        return self.at(centroids_of(mesh), np.arange(self.iron.size))
+        return self.at(centroids_of(self.edges.mesh), np.arange(self.iron.size))
 
     def work_of_difference(self, density: Floats) -> float:
         """Return ``int (Hs - T) . B`` in J for a B without divergence, (3, nelements)."""

@@ -114,14 +114,14 @@ def _circulations_of(x: Floats, ends: Ints, function: AppliedField) -> Floats:
         used, row = np.unique(ends, return_inverse=True)
         at_nodes, weight = field_at(function, x[:, used]), np.array([rule.at_ends for rule in rules])[group]
         for values in at_nodes[:, row.reshape(ends.shape)].swapaxes(0, 1):
-            found += weight * _integrands(values, edge, size)
+            found += weight * _integrands(values, edge)
     for k, rule in enumerate(rules):
         rows = np.flatnonzero(group == k)
-        first, along, length = start[:, rows], edge[:, rows], size[rows]
+        first, along = start[:, rows], edge[:, rows]
         for at, part in zip(rule.inner, rule.weights, strict=True):
-            found[:, rows] += part * _integrands(field_at(function, first + at * along), along, length)
+            found[:, rows] += part * _integrands(field_at(function, first + at * along), along)
     return found
 
 
-def _integrands(values: Floats, edge: Floats, size: Floats) -> Floats:
-    return np.stack((np.sum(values * edge, axis=0), magnitude(values) * size))
+def _integrands(values: Floats, edge: Floats) -> Floats:
+    return np.stack((np.sum(values * edge, axis=0), magnitude(values) * magnitude(edge)))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
-__all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
+__all__ = ["OfCoil", "coil_in", "ends_far", "is_coil"]
 
 INVARIANT = 1e-3  # tolerance of equal fields of images, relative to the largest
 NONE = 1e-6  # motion that images cancel, relative
@@ -89,13 +89,10 @@ class OfCoil:
 
     def _weight_at(self, x: Floats) -> Floats:
         images, (own, orbit) = self._images, self._orbit
-        each = [images.pulled(self._unit_field, x, g) for g in orbit]
-        return self._meshed * len(own) * np.sum(each, axis=0)
-
-    def _unit_field(self, x: Floats) -> Floats:
-        if self._motion is None:
-            return self._unit.field_strength(x)
-        return change_of_field(self._coil, self._motion, x)
+        field = self._unit.field_strength
+        if self._motion is not None:
+            field = partial(change_of_field, self._coil, self._motion)
+        return self._meshed * len(own) * np.sum([images.pulled(field, x, g) for g in orbit], axis=0)
 
     def value(self) -> float:
         if self.vanishes:
@@ -140,13 +137,6 @@ def coil_in(field: MagneticField, name: str) -> Coil:
     if not is_coil(field, name):
         raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.sources.coils)}.")
     return field.sources.coils[name]
-
-
-def ampere_turns(field: MagneticField, name: str) -> float:
-    current = coil_in(field, name).ampere_turns
-    if current == 0.0:
-        raise ValueError(f"the coil {name!r} carries no current, by which its linkage could be divided.")
-    return current
 
 
 def is_coil(field: MagneticField, name: Any) -> bool:

@@ -92,8 +92,8 @@ def sector_cut(mesh: MeshTri, inside: Mask, centre: Floats) -> Cut:
     body_facets, master = outer_facets(mesh, inside), np.arange(mesh.nvertices)
     radial, tolerance = mesh.p - centre[:, None], NEAR * width_of(mesh)
     radius = np.hypot(*radial)
-    ends = radius[mesh.facets[:, body_facets]]
-    body_facets = body_facets[np.abs(ends[0] - ends[1]) > ROUND * np.hypot(*_edges(mesh, body_facets))]
+    rise = np.ptp(radius[mesh.facets[:, body_facets]], axis=0)
+    body_facets = body_facets[rise > ROUND * np.hypot(*_edges(mesh, body_facets))]
     if not body_facets.size:
         return Cut(body_facets, [], master)
     outer, sides = mesh.boundary_facets(), list[Ints]()
