@@ -291,12 +291,10 @@ class Loop:
         """Return the pass from which the next pass starts, and restore its mesh."""
         if not self.state.returns_to_best:
             return self.state.last
-        best, adaptation = self.state.best, self.adaptation
-        adaptation.movable.restore(best.movable.state())
+        best = self.state.best
+        self.adaptation.movable.restore(best.movable.state())
         if best.solution is UNSOLVED:
-            with adaptation.steps("solve again", number=best.record.number):
-                solved = adaptation.assess_again(best.record)
-            self.state = self.state.with_solution(best, solved)
+            self.solve_again(best)
         return self.state.best
 
     def add(self, state: State) -> None:
@@ -332,11 +330,15 @@ class Loop:
                 return True
         if not begun:
             return False
-        last, steps = self.state.last, self.adaptation.steps
-        steps.begin(last.record.number, "solve again")
-        self.state = self.state.with_solution(last, self.adaptation.assess_again(last.record))
-        steps.has_solved = True
+        self.solve_again(self.state.last)
         return True
+
+    def solve_again(self, known: Solved) -> None:
+        """Solve on the mesh of a pass of an earlier process, which is the current mesh."""
+        with self.adaptation.steps("solve again", number=known.record.number):
+            solved = self.adaptation.assess_again(known.record)
+        self.adaptation.steps.has_solved = True
+        self.state = self.state.with_solution(known, solved)
 
     def solve_best(self) -> None:
         state, steps = self.state, self.adaptation.steps

@@ -14,7 +14,6 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Array, FilePath, Ints
 from kohonen_adapt.files import remove_drafts, whole_file
-from kohonen_adapt.geometry.plane.curves import Curves
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.loop.growth import Growth, GrowthByTolerance
@@ -124,7 +123,10 @@ class Checkpoint:
             about = json.loads(arrays.pop("about").tobytes())
             if (about["format"], self._file(about["number"])) != (FORMAT, file):
                 raise ValueError(f"found format {about['format']} and pass {about['number']}")
-            values = {name: _field(about, arrays, name) for name in self._names()}
+            stored = {**ADDED, **about, **arrays}
+            values = {
+                name: tuple(value) if isinstance(value := stored[name], list) else value for name in self._names()
+            }
             state = {name.removeprefix(STATE): array for name, array in arrays.items() if name.startswith(STATE)}
         except Exception as error:  # zip, array and JSON readers raise many kinds on damage
             raise self._damaged(file, error) from error
@@ -146,11 +148,6 @@ class Checkpoint:
             f"the checkpoint '{file}' is damaged ({type(error).__name__}: {error}). Delete this file and the later "
             "ones to resume from the pass before, or use another folder."
         )
-
-
-def _field(about: dict[str, Any], arrays: Mapping[str, Array], name: str) -> Any:
-    value = {**ADDED, **about, **arrays}[name]
-    return tuple(value) if isinstance(value, list) else value
 
 
 def fingerprint(mesh: Mesh, given: Problem, settings: Settings) -> dict[str, str]:
@@ -176,7 +173,11 @@ def _text(value: Any, mesh: Mesh) -> str:
     if isinstance(value, Growth):
         return f"{value.target} in {value.passes} passes" if value.target > value.start else "none"
     if isinstance(value, Mapping) and any(hasattr(item, "project") for item in value.values()):
-        return _curve_digest(mesh, value)
+        arrays = list[Array]()
+        for name, curve in sorted(value.items()):
+            ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
+            arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), float)]
+        return digest(*arrays)
     if isinstance(value, Mapping):
         if all(callable(item) for item in value.values()):
             return str(sorted(value))
@@ -199,14 +200,6 @@ def _set_arrays(sets: Mapping[str, Ints] | None) -> list[Array]:
             np.asarray(getattr(rows, "ori", []), int),
         ]
     return arrays
-
-
-def _curve_digest(mesh: Mesh, curves: Curves) -> str:
-    arrays: list[Array] = []
-    for name, curve in sorted(curves.items()):
-        ends = mesh.p[:, mesh.facets[:, np.asarray((mesh.boundaries or {})[name])]]
-        arrays += [np.array(name), np.asarray(curve.project(ends.mean(axis=1)), float)]
-    return digest(*arrays)
 
 
 def digest(*arrays: Array) -> str:

@@ -57,20 +57,15 @@ def corner_remark(status: Status, problem: CheckedProblem, mesh: Mesh, ritz: Rit
 
 def corner_sentences(mesh: Mesh, exponents: Mapping[int, float]) -> list[str]:
     strong = sorted((exponent, node) for node, exponent in exponents.items() if exponent < TOLD)
-    sentences = [_sentence(point_text(mesh.p[:, node]), exponent) for exponent, node in strong[:SHOWN]]
-    more = len(strong) - SHOWN
-    return [*sentences, *([f"{more} more corners have exponents below {TOLD}."] if more > 0 else [])]
-
-
-def _sentence(place: str, exponent: float) -> str:
-    smaller, energy = 2.0 ** (1.0 / exponent), ROUNDING ** (2.0 * exponent)
-    least = np.sqrt(2.0 * energy / (1.0 - energy))
-    limit = (
-        f", and elements of {ROUNDING:g} times the size of the mesh leave about {100.0 * least:.2g} %"
-        if least > SEEN
-        else ""
-    )
-    return (
-        f"The corner at {place} has the exponent {exponent:.3g}: half the error there takes elements {smaller:.2g} "
-        f"times smaller{limit}."
-    )
+    sentences = []
+    for exponent, node in strong[:SHOWN]:
+        smaller, energy = 2.0 ** (1.0 / exponent), ROUNDING ** (2.0 * exponent)
+        least = np.sqrt(2.0 * energy / (1.0 - energy))
+        limit = f", and elements of {ROUNDING:g} times the size of the mesh leave about {100.0 * least:.2g} %"
+        sentences.append(
+            f"The corner at {point_text(mesh.p[:, node])} has the exponent {exponent:.3g}: half the error there takes "
+            f"elements {smaller:.2g} times smaller{limit if least > SEEN else ''}."
+        )
+    if (more := len(strong) - SHOWN) > 0:
+        sentences.append(f"{more} more corners have exponents below {TOLD}.")
+    return sentences

@@ -1,6 +1,6 @@
 """Directions of elements in a pass, from the solution."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,30 +23,25 @@ from kohonen_adapt.som.hessian_metric import gain_of_shapes, hessian_shapes, ind
 WORTHWHILE = {TRIANGLE.dim: 0.9, TETRAHEDRON.dim: 1.0}
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """Density of a pass, with the indicators of elements of its shapes.
-
-    Attributes
-    ----------
-    record
-        The pass, with these indicators.
-    density
-        Density (nelements,), or tensors (nelements, d, d) where elements have directions.
-    """
-
-    record: Pass
-    density: ArrayLike
-
-
 def wanted_of(
     problem: CheckedProblem, record: Pass, solution: Any, ritz: Ritz | None, anisotropic: bool | str
-) -> Wanted:
+) -> tuple[Pass, ArrayLike]:
+    """Return a pass with the indicators of elements of its shapes, and its density.
+
+    The density has the shape (nelements,), or is tensors (nelements, d, d) where elements have directions.
+    """
     mesh, order, norm = record.mesh, problem.order, problem.norm
     # With a goal the errors of two solutions are multiplied, which no sum of curvatures describes.
     has_goal = record.goal is not None or (ritz is not None and ritz.dual is not None)
     wants = anisotropic is True or (anisotropic == "auto" and not has_goal)
-    shapes = shapes_of_solution(problem, mesh, solution, ritz) if wants else None
+    shapes = None  # if the values at the nodes are not known
+    if wants and problem.has("metric"):
+        tensors = tensors_of_elements(
+            problem.metric(mesh, solution), mesh.nelements, mesh.dim(), "metric of the problem"
+        )
+        shapes = density_and_shape(tensors)[1]
+    elif wants and (functions := functions_of(problem, mesh, solution, ritz)):
+        shapes = hessian_shapes(mesh, functions, order, norm)
     if shapes is None and anisotropic is True:
         raise ValueError(
             "anisotropic=True needs a method `metric` of the problem, or a solution that is an array of the values at "
@@ -57,18 +52,8 @@ def wanted_of(
         is_given = anisotropic is True or problem.has("metric")
         if is_given or gain_of_shapes(shapes, indicators, order, norm) < WORTHWHILE[mesh.dim()]:
             density = equidistributing(mesh, indicators, order, norm)
-            return Wanted(replace(record, indicators=indicators), metric_of_shapes(mesh, shapes, density))
-    return Wanted(record, equidistributing(mesh, record.indicators, order, norm))
-
-
-def shapes_of_solution(problem: CheckedProblem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> Floats | None:
-    # None if the values at the nodes are not known
-    if problem.has("metric"):
-        tensors = problem.metric(mesh, solution)
-        name = "metric of the problem"
-        return density_and_shape(tensors_of_elements(tensors, mesh.nelements, mesh.dim(), name))[1]
-    functions = functions_of(problem, mesh, solution, ritz)
-    return hessian_shapes(mesh, functions, problem.order, problem.norm) if functions else None
+            return replace(record, indicators=indicators), metric_of_shapes(mesh, shapes, density)
+    return record, equidistributing(mesh, record.indicators, order, norm)
 
 
 def functions_of(problem: CheckedProblem, mesh: Mesh, solution: Any, ritz: Ritz | None) -> list[Floats]:

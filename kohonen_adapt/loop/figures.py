@@ -1,7 +1,7 @@
 """Figures of a pass for tables, files, reports, progress and messages."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 from kohonen_adapt.display import by_error, significant
@@ -67,8 +67,9 @@ def values_of(step: Pass) -> dict[str, OutputValue]:
 
 def pass_figures(step: Pass) -> dict[str, Any]:
     figures: dict[str, Any] = {}
-    for name in (entry.name for entry in fields(step) if entry.name not in APART):
-        value = getattr(step, name)
+    for name, value in vars(step).items():
+        if name in APART:
+            continue
         if isinstance(value, dict):
             singular = name.removesuffix("s") if name == "outputs" else name
             figures |= {f"{singular} {key}": number for key, number in value.items()}

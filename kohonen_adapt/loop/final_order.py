@@ -56,8 +56,7 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     if is_met or allowed is None or not (more and last.estimate):
         return raised
     missing = allowed / last.estimate
-    smooth = best.estimate > SMOOTH * last.estimate
-    grading.lower(best, min(FINER, missing) if smooth else allowed / best.estimate)
+    grading.lower(best, min(FINER, missing) if is_smooth else allowed / best.estimate)
     logger.info("order %d has %.3g times the tolerance; passes go on", last.order, 1.0 / missing)
     return replace(state, ending=None, notes=())
 

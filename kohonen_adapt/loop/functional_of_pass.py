@@ -1,12 +1,12 @@
 """Functional of a pass for the polish and for the comparison of passes."""
 
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.loop.dimension import Method
 from kohonen_adapt.loop.passes import Pass
 from kohonen_adapt.polishing.energy_tables import VariesInside
 from kohonen_adapt.polishing.functional import Functional
@@ -44,7 +44,7 @@ class FunctionalOfPass:
 
 
 def functional_of(
-    problem: CheckedProblem, method: Method, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
+    problem: CheckedProblem, method: ModuleType, movable: Any, mesh: Mesh, solution: Any, share: float | None = None
 ) -> FunctionalOfPass:
     # A dual gets the weight `share` of an earlier pass.
     in_energy_norm = problem.norm == "energy"

@@ -83,20 +83,12 @@ class Growth:
         """
         if number >= self.passes:
             return self.target
-        fraction, placing = number / max(1, self.passes - 1), self.placing if polished else self.target
-        wanted = round(self.start * (placing / self.start) ** fraction)
+        placing = self.placing if polished else self.target
+        wanted = round(self.start * (placing / self.start) ** (number / max(1, self.passes - 1)))
         return min(self.target, max(wanted, self.start + number))
 
     def grows_after(self, number: int) -> bool:
         return self.nodes(number) < self.target
-
-    def shortfall_message(self, nodes: int, drift: float) -> str:
-        if nodes >= (1.0 - drift) * self.target:
-            return ""
-        return (
-            f"The mesh has {nodes} of {self.target} nodes, because further splits would break the quality rule or the "
-            "passes ended too early. Decrease `min_quality`, improve the input mesh or increase `passes`."
-        )
 
 
 @dataclass(frozen=True)
@@ -146,9 +138,6 @@ class GrowthByTolerance:
 
     def grows_after(self, number: int) -> bool:
         return True
-
-    def shortfall_message(self, nodes: int, drift: float) -> str:
-        return ""
 
 
 NodeCounts = Growth | GrowthByTolerance

@@ -41,6 +41,12 @@ def work_of(record: Moved[Any], now: Any) -> Work:
     survives = old >= 0
     distance = np.sqrt(np.sum((position[survives] - record.before.tessellation.position[old[survives]]) ** 2, axis=1))
     moved = int(np.count_nonzero(distance) + np.count_nonzero(~survives))
+    why = "" if moved else record.why_still
+    if why == QUALITY_RULE and (worst := float(quality(now.input_mesh).min())) < now.floor:
+        why = (
+            f"{why}: the worst element has a quality of {worst:.2g}, min_quality is {now.floor:g}, and nothing below "
+            f"that may get worse. Give min_quality={0.5 * worst:.2g}"
+        )
     unmoved = np.count_nonzero((distance == 0.0) & ~now.held_nodes[survives])
     return Work(
         quantization_errors=record.quantization_errors,
@@ -50,20 +56,10 @@ def work_of(record: Moved[Any], now: Any) -> Work:
         refused_by_quality=int(record.refused[0]),
         refused_by_reach=int(record.refused[1]),
         held_in_polish=record.held_in_polish,
-        why_still="" if moved else with_remedy(record.why_still, now),
+        why_still=why,
         splits=record.recycled.splits,
         collapses=record.recycled.collapses,
         polish_gain=record.polish_gain,
-    )
-
-
-def with_remedy(why: str, movable: Any) -> str:
-    worst = float(quality(movable.input_mesh).min())
-    if why != QUALITY_RULE or worst >= movable.floor:
-        return why
-    return (
-        f"{why}: the worst element has a quality of {worst:.2g}, min_quality is {movable.floor:g}, and nothing below "
-        f"that may get worse. Give min_quality={0.5 * worst:.2g}"
     )
 
 

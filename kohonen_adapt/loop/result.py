@@ -77,10 +77,6 @@ def _solution_columns(history: Passes) -> Columns:
 _of_errors = partial(significant, digits=ERROR_DIGITS)
 
 
-def _by_least(errors: Iterable[float | None]) -> Callable[[float], str]:
-    return partial(by_error, error=min((abs(error) for error in errors if error is not None), default=None))
-
-
 def _cells(values: Iterable[float | None], text: Callable[[float], str]) -> list[str]:
     return [DASH if value is None else text(value) for value in values]
 
@@ -88,7 +84,7 @@ def _cells(values: Iterable[float | None], text: Callable[[float], str]) -> list
 def _columns_of(name: str, history: Passes) -> Columns:
     found = [values_of(step)[name] for step in history]
     values, errors = [each.value for each in found], [each.error for each in found]
-    with_digits = _by_least(errors)
+    with_digits = partial(by_error, error=min((abs(error) for error in errors if error is not None), default=None))
     shown, corrected = _cells(values, with_digits), _cells((each.corrected for each in found), with_digits)
     if history[0].goal is not None and name == GOAL:  # the estimate has its column in `_solution_columns`
         columns = [("goal", shown), ("error", _cells(errors, _of_errors)), ("goal + error", corrected)]

@@ -1,7 +1,7 @@
 """Settings of an adaptation, with its tolerances."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -83,8 +83,7 @@ class Tolerance:
 
     def only_outputs(self, outputs: Iterable[str]) -> list[str]:
         """Return the outputs with a tolerance if nothing else has one."""
-        others = (self.rtol, self.atol, self.goal_rtol)
-        return [] if any(each is not None for each in others) else list(self._fractions(outputs))
+        return [] if replace(self, output_rtol=None) else list(self._fractions(outputs))
 
     def unreachable_text(self, passes: Sequence[Pass]) -> str:
         """Return a sentence on values that stay below their errors, or an empty string."""
@@ -97,7 +96,7 @@ class Tolerance:
         return ZERO_OUTPUTS.format(" and ".join(names)) if names else ""
 
     def knows_errors(self, last: Pass) -> bool:
-        return self.output_rtol is None or self._fractions(last.outputs).keys() <= last.output_errors.keys()
+        return self._fractions(last.outputs).keys() <= last.output_errors.keys()
 
     def of_values(self, last: Pass) -> dict[str, float]:
         # allowed errors of outputs by name, and of the goal under "goal", in their units
@@ -107,15 +106,18 @@ class Tolerance:
         return found
 
     def missed_values(self, last: Pass) -> list[str]:
-        known = last.output_errors | ({} if last.goal_error is None else {"goal": last.goal_error})
-        allowed = self.of_values(last)
-        return [name for name, error in allowed.items() if name not in known or abs(known[name]) > error]
+        errors = {name: value.error for name, value in values_of(last).items()}
+        return [
+            name
+            for name, allowed in self.of_values(last).items()
+            if (error := errors[name]) is None or abs(error) > allowed
+        ]
 
     def missed(self, last: Pass) -> list[str]:
         """Return the names of missed tolerances, "energy" for the energy norm."""
         of_energy = self.of_energy(last.energy_norm)
         over = of_energy is not None and last.estimate > of_energy
-        return [*(["energy"] if over else []), *self.missed_values(last)]
+        return (["energy"] if over else []) + self.missed_values(last)
 
     def estimate(self, last: Pass) -> float | None:
         """Return the allowed estimate of a pass, None without a tolerance.
@@ -129,9 +131,10 @@ class Tolerance:
             error = max(abs(last.goal_error), CHANCE * last.estimate**2)
             allowed.append(last.estimate * np.sqrt(self.goal_rtol * abs(last.goal) / error) if error else np.inf)
         for name, tolerance in self._fractions(last.outputs).items():
-            value, error = abs(last.outputs[name]), abs(last.output_errors.get(name, np.inf))
-            ratio = np.sqrt(tolerance * value / error) if error > 0.0 else np.inf
-            ratio = ratio if name in last.output_errors else UNKNOWN
+            ratio = UNKNOWN
+            if name in last.output_errors:
+                error = abs(last.output_errors[name])
+                ratio = np.sqrt(tolerance * abs(last.outputs[name]) / error) if error > 0.0 else np.inf
             allowed.append(last.estimate * ratio if ratio < np.inf else np.inf)
         return float(min(allowed)) if allowed else None
 
@@ -148,11 +151,9 @@ class Tolerance:
         return " and ".join([*reached, *self.errors_text(last)])
 
     def _of_estimate(self, last: Pass) -> list[str]:
-        tolerance = self.of_energy(last.energy_norm)
-        if tolerance is None:
+        if (tolerance := self.of_energy(last.energy_norm)) is None:
             return []
-        squared = f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"
-        return [f"{tolerance:.4g}" if last.goal is None else squared]
+        return [f"{tolerance:.4g}" if last.goal is None else f"{tolerance**2:.4g} {last.goal_unit} (atol squared)"]
 
     def errors_text(self, last: Pass) -> list[str]:
         texts, values = list[str](), values_of(last)

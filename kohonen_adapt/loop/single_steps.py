@@ -123,9 +123,9 @@ def relocate(
     rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
     check_kind(mesh)
     method = method_of(mesh)
-    check_for(rules, method.dim)
+    check_for(rules, mesh.dim())
     layered = with_thin_layers(mesh, rules)
-    movable = method.open(layered, rules, None)
+    movable = method.opened(layered, rules, None)
     if layered is not mesh and not callable(density) and np.shape(density)[:1] == mesh.t.shape[1:]:
         density = np.asarray(density)[find_elements(mesh, centroids_of(layered))]
     expect(*method.moving_kernels(topology, schedule))
@@ -225,38 +225,27 @@ def polish(
     True
     """
     checked = CheckedProblem(problem)
-    check_polish(checked, sweeps, topology, seed)
-    rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
-    check_kind(mesh)
-    method = method_of(mesh)
-    movable = method.open(mesh, with_pinned(rules, checked.nodes_on(mesh)), checked.is_curved)
-    mesh = movable.start()
-    expect(*method.polish_kernels(checked))
-    try:
-        functional = method.functional(ritz_of(checked, mesh, checked.solve(mesh)), movable, mesh)
-    except NotOffered as reason:
-        raise without_functional(reason) from None
-    start = unchanged(movable.tessellation)
-    descend_and_recycle(method.descent(movable, functional, functional.solution.copy(), start), (sweeps,))
-    return movable.mesh()
-
-
-def check_polish(problem: CheckedProblem, sweeps: object, topology: object, seed: object) -> None:
     if topology not in ("fixed", "flip"):
         raise ValueError(f"topology must be 'fixed' or 'flip', because polish keeps all nodes; got {topology!r}.")
     check_count("seed", seed)
     check_count("sweeps", sweeps)
-    if not problem.has("solve"):
-        raise ValueError(f"polish requires a problem with the method solve(mesh); {problem.name} has none.")
-    check_names(problem)
+    if not checked.has("solve"):
+        raise ValueError(f"polish requires a problem with the method solve(mesh); {checked.name} has none.")
+    check_names(checked)
     try:
-        problem.optional("ritz")
+        checked.optional("ritz")
+        rules = Rules(topology, min_quality, pinned, curves, periodic, layers, surfaces).guarded()
+        check_kind(mesh)
+        method = method_of(mesh)
+        movable = method.opened(mesh, with_pinned(rules, checked.nodes_on(mesh)), checked.is_curved)
+        mesh = movable.start()
+        expect(*method.polish_kernels(checked))
+        functional = method.functional(ritz_of(checked, mesh, checked.solve(mesh)), movable, mesh)
     except NotOffered as reason:
-        raise without_functional(reason) from None
-
-
-def without_functional(reason: NotOffered) -> ValueError:
-    return ValueError(f"polish requires the functional of the problem: {reason}.")
+        raise ValueError(f"polish requires the functional of the problem: {reason}.") from None
+    start = unchanged(movable.tessellation)
+    descend_and_recycle(method.descent(movable, functional, functional.solution.copy(), start), (sweeps,))
+    return movable.mesh()
 
 
 def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | None = None) -> Texts:
@@ -319,24 +308,19 @@ def why_held(mesh: Mesh, problem: Problem | Rules | None = None, rules: Rules | 
 def reasons_at(mesh: Mesh, problem: CheckedProblem | None, rules: Rules, solution: Any = None) -> Texts:
     method = method_of(mesh)
     if problem is None:
-        check_for(rules, method.dim)
+        check_for(rules, mesh.dim())
         layered = with_thin_layers(mesh, rules)  # nodes of missing layers follow the nodes of the input
-        reasons = method.reasons(method.open(layered, rules.guarded(), None))
+        reasons = method.reasons(method.opened(layered, rules.guarded(), None))
         return np.array(with_pins(reasons, mesh, rules.pinned, None), np.str_)
     if problem.final_orders(False):  # the solution is not of the order of the passes
         problem, solution = problem.at_grading_order, None
     given = rules_for(problem, mesh, rules, rules.periodic or None)
-    movable = method.open(with_thin_layers(mesh, given), given, problem.is_curved)
+    movable = method.opened(with_thin_layers(mesh, given), given, problem.is_curved)
     reasons = with_pins(method.reasons(movable), mesh, rules.pinned, problem.points_on(mesh))
-    polish = polish_reasons(mesh, movable, problem, solution)
-    found = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
-    return np.array(found, np.str_)
-
-
-def polish_reasons(mesh: Mesh, movable: Any, problem: CheckedProblem, solution: Any) -> list[str]:
-    method, start = method_of(mesh), movable.start()
-    solution = problem.solve(start) if solution is None else solution
-    found = functional_of(problem, method, movable, start, solution)
-    if found.functional is None:
-        return [found.unpolished] * movable.nnodes
-    return method.polish_reasons(movable, found.functional)
+    start = movable.start()
+    found = functional_of(problem, method, movable, start, problem.solve(start) if solution is None else solution)
+    polish = [found.unpolished] * movable.nnodes
+    if found.functional:
+        polish = method.polish_reasons(movable, found.functional)
+    texts = [why or (f"polish: {other}" if other else "") for why, other in zip(reasons, polish, strict=False)]
+    return np.array(texts, np.str_)

@@ -89,7 +89,10 @@ class State:
 
     def with_pass(self, solved: Solved) -> "State":
         record, least, lowest = solved.record, self.least_error, self.lowest_functional
-        least = solved if has_less_error(record, least.record) else least
+        error, known = error_measure(record, least.record), error_measure(least.record, record)
+        # indicators that are all zero do not compare passes
+        if error < known or (error == known == 0.0 and record.unknowns > least.record.unknowns):
+            least = solved
         now, before = record.functional, lowest.record.functional
         lowest = solved if now is not None and before is not None and now < before else lowest
         return State((*self.passes, record), solved, least, lowest, self.returns_to_best)
@@ -142,12 +145,6 @@ class State:
             nodes=best.record.nodes,
             error=ending.error,
         )
-
-
-def has_less_error(step: Pass, best: Pass) -> bool:
-    # indicators that are all zero do not compare passes
-    now, least = error_measure(step, best), error_measure(best, step)
-    return now < least or (now == least == 0.0 and step.unknowns > best.unknowns)
 
 
 # Ratio of a squared error to its estimate above which the mesh does not resolve the solution. In 578 runs with a finer

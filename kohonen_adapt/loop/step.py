@@ -3,10 +3,10 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, Ints
@@ -14,7 +14,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.numba.compilation import expect
-from kohonen_adapt.loop.dimension import Method, method_of
+from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.directions import wanted_of
 from kohonen_adapt.loop.functional_of_pass import FROZEN, FunctionalOfPass, differs_on, functional_of
 from kohonen_adapt.loop.growth import drift_of_nodes
@@ -24,7 +24,6 @@ from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.loop.state import Solved, curved_of
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
-from kohonen_adapt.polishing.functional import Functional
 from kohonen_adapt.polishing.held_nodes import counted
 from kohonen_adapt.polishing.polish import PLAN, SWEEPS, descend_and_recycle
 from kohonen_adapt.problem.evaluation import (
@@ -37,7 +36,6 @@ from kohonen_adapt.problem.evaluation import (
     solve_again,
 )
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
-from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.uncertain import Uncertain, doubts_of, error_of, shifted
 from kohonen_adapt.som.relocate import split_edges
 from kohonen_adapt.som.relocation_record import Moved
@@ -68,7 +66,7 @@ class Adaptation:
     """
 
     problem: CheckedProblem
-    method: Method
+    method: ModuleType
     movable: MovableMesh | MovableSolid
     settings: Settings
     steps: Steps
@@ -80,15 +78,10 @@ class Adaptation:
         method, growth = method_of(mesh), settings.growth
         expect(*method.moving_kernels(settings.rules.topology, settings.schedule))
         if settings.polish:
-            expect(*method.polish_kernels(problem), *method.transfer_kernels)
+            expect(*method.polish_kernels(problem), *method.TRANSFER_KERNELS)
         start = with_thin_layers(mesh, settings.rules, grows=growth.target > growth.start)
-        movable = method.open(start, settings.rules, problem.is_curved)
+        movable = method.opened(start, settings.rules, problem.is_curved)
         return cls(problem, method, movable, settings, steps, problem.order)
-
-    def plan(self, functional: Functional) -> tuple[int, ...]:
-        recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
-        plan = PLAN if recycles else (SWEEPS,)
-        return plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
 
     def assess(self, before: Solved | None = None, moved: Moved[Any] | None = None) -> Solved:
         """Solve and estimate on the current mesh."""
@@ -205,56 +198,47 @@ class Adaptation:
     def relocate(self, solved: Solved, by_energy: bool) -> Moved[Any]:
         """Move the nodes to the density of equal errors, or only split edges `by_energy`."""
         with self.steps("relocate"):
-            functional = solved.functional
-            ritz = None if functional is None else functional.ritz
-            directions = self.anisotropic(solved.record, by_energy)
-            wanted = wanted_of(self.problem, solved.record, solved.solution, ritz, directions)
-            nodes = self.settings.growth.nodes(self.steps.number, functional is not None, wanted.record)
-            recycles = self.recycles_by_density(ritz, by_energy, nodes)
-            held = None if functional is None else self.method.held_in_polish(self.movable, functional)
+            settings, method, movable = self.settings, self.method, self.movable
+            functional, topology, schedule = solved.functional, settings.rules.topology, settings.schedule
+            ritz = functional.ritz if functional else None
+            directions, last = settings.anisotropic, solved.record
+            # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.
+            measured = not method.ALWAYS_DIRECTED and (settings.tolerance or last.goal is not None)
+            if by_energy or (directions == "auto" and (topology == "fixed" or measured)):
+                directions = False
+            last, density = wanted_of(self.problem, last, solved.solution, ritz, directions)
+            nodes = settings.growth.nodes(self.steps.number, functional is not None, last)
+            # After the first passes, and after a pass that was worse, the energy exchanges nodes at a constant number.
+            # On a surface that holds its nodes in the polish only a density adds nodes.
+            steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
+            exchanges = by_energy or (steers and self.steps.number > method.PASSES_BY_DENSITY)
+            drift = drift_of_nodes(movable.input_mesh.dim(), self.order) * nodes
+            recycles = not exchanges or abs(nodes - movable.nnodes) > drift
+            held, longest = 0, None
+            if functional:
+                held = int(method.held_in_polish(movable, functional).sum())
+                longest = method.longest_sides(movable, functional, root_of_squares(solved.record.indicators))
+                if schedule is None and topology == "recycle":
+                    schedule = method.BEFORE_POLISH
             if by_energy:
-                moved = split_edges(self.movable, wanted.density, nodes if recycles else self.movable.nnodes)
+                moved = split_edges(movable, density, nodes if recycles else movable.nnodes)
             else:
-                moved = self.moved(wanted.density, solved, nodes, recycles)
-            return moved if held is None else replace(moved, held_in_polish=int(held.sum()))
-
-    def recycles_by_density(self, ritz: Ritz | None, by_energy: bool, nodes: int) -> bool:
-        # After the first passes, and after a pass that was worse, the energy exchanges nodes at a constant number. On a
-        # surface that holds its nodes in the polish only a density adds nodes.
-        steers = ritz is not None and not ritz.shapes_only and ritz.surface is None
-        exchanges = by_energy or (steers and self.steps.number > self.method.passes_by_density)
-        drift = drift_of_nodes(self.method.dim, self.order) * nodes
-        return not exchanges or abs(nodes - self.movable.nnodes) > drift
-
-    def moved(self, density: ArrayLike, solved: Solved, nodes: int, recycles: bool) -> Moved[Any]:
-        settings, method, functional = self.settings, self.method, solved.functional
-        longest = None
-        topology, schedule = settings.rules.topology, settings.schedule
-        if functional is not None:
-            longest = method.longest_sides(self.movable, functional, root_of_squares(solved.record.indicators))
-            if schedule is None and topology == "recycle":
-                schedule = method.schedule_before_polish
-        rng = settings.rng(self.steps.number)
-        return method.move(
-            self.movable, density, schedule, topology, rng, nodes=nodes, recycles=recycles, longest=longest
-        )
-
-    def anisotropic(self, last: Pass, by_energy: bool) -> bool | str:
-        # Elements whose edges stay cannot turn. After a pass that was worse the energy alone moves nodes.
-        given, settings = self.settings.anisotropic, self.settings
-        measured = not self.method.always_directed and (settings.tolerance or last.goal is not None)
-        kept = given == "auto" and (settings.rules.topology == "fixed" or measured)
-        return False if by_energy or kept else given
+                rng = settings.rng(self.steps.number)
+                moved = method.move(movable, density, schedule, topology, rng, nodes, recycles, longest)
+            return replace(moved, held_in_polish=held)
 
     def polish(self, solved: Solved, moved: Moved[Any]) -> Moved[Any]:
         """Transfer the solution to the moved mesh, and lower its energy."""
         with self.steps("polish"):
-            if solved.functional is None:
-                return moved
             functional = solved.functional
+            if functional is None:
+                return moved
             trial = self.method.carry(functional, moved.before, self.movable, moved.recycled.start_element)
             descent = self.method.descent(self.movable, functional, trial, moved.recycled)
-            recycled, gain = descend_and_recycle(descent, self.plan(functional))
+            recycles = self.settings.rules.topology == "recycle" and not functional.ritz.shapes_only
+            plan: tuple[int, ...] = PLAN if recycles else (SWEEPS,)
+            plan = plan[:GROWING_ENTRIES] if self.settings.growth.grows_after(self.steps.number) else plan
+            recycled, gain = descend_and_recycle(descent, plan)
             return replace(moved, recycled=recycled, polish_gain=gain)
 
     def output_errors(

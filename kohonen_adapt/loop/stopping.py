@@ -1,6 +1,6 @@
 """Stop test of the adaptive loop, and the messages of the result."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from kohonen_adapt.display import counted
 from kohonen_adapt.loop.corners import LIMITED, corner_remark
 from kohonen_adapt.loop.figures import error_text
 from kohonen_adapt.loop.grading import GradingTolerance
-from kohonen_adapt.loop.growth import drift_of_nodes
+from kohonen_adapt.loop.growth import Growth, NodeCounts, drift_of_nodes
 from kohonen_adapt.loop.passes import Ending, Pass, Passes, Status, StepFailed, Work, text_of
 from kohonen_adapt.loop.settings import Settings, Tolerance, percent
 from kohonen_adapt.loop.state import STALL_GAIN, STALL_PASSES, State, underrating
@@ -97,16 +97,13 @@ class StopTest:
 
     def at_order(self, state: State) -> State:
         """Return the state with the reason for the end after a solve of a higher order."""
-        if self.callback:
-            self.callback(state.passes[-1])
-        whole = replace(self, grading=None)
-        return state.ended(whole.converged(state) or whole._missed(state))
-
-    def _missed(self, state: State) -> Ending:
         last, before = state.passes[-1], state.ending
-        keeps = before is not None and self.asked.estimate(last) is None
-        status = before.status if before and keeps else Status.MAX_PASSES
-        return stopped_ending(status, f"after {count_text(state.passes)}{self.asked.missed_text(last)}.", last)
+        if self.callback:
+            self.callback(last)
+        status = before.status if before and self.asked.estimate(last) is None else Status.MAX_PASSES
+        missed = f"after {count_text(state.passes)}{self.asked.missed_text(last)}."
+        converged = replace(self, grading=None).converged(state)
+        return state.ended(converged or stopped_ending(status, missed, last))
 
     def wants_order(self, state: State) -> bool:
         """Return True if the next step is a solve of a higher order."""
@@ -119,19 +116,18 @@ class StopTest:
         return len(self.grading.orders) == 1 or allowed is None or best.estimate > allowed
 
     def _remedy_of_nodes(self, last: Pass) -> str:
-        tolerance = self.tolerance(last)
-        if not tolerance:
+        if not (tolerance := self.tolerance(last)):
             return ""
         return f"The tolerance takes an estimate {last.estimate / tolerance:.2g} times smaller: increase `max_nodes`."
 
     def _is_met(self, passes: Passes, best: Pass) -> bool:
         tolerance, last = self.tolerance(passes[-1]), passes[-1]
-        if last.estimate == 0.0 or (tolerance is not None and last.estimate * underrated(passes, best) > tolerance):
+        if tolerance is None or last.estimate == 0.0 or last.estimate * underrated(passes, best) > tolerance:
             return False
         if self.grading is None:
-            return tolerance is not None and self.asked.knows_errors(last)
+            return self.asked.knows_errors(last)
         # the first pass grades the mesh, and removes nodes
-        return tolerance is not None and (last.number > 0 or last.estimate <= (self.asked.estimate(last) or 0.0))
+        return last.number > 0 or last.estimate <= (self.asked.estimate(last) or 0.0)
 
     def tolerance(self, last: Pass) -> float | None:
         return self.asked.estimate(last) if self.grading is None else self.grading(last)
@@ -145,30 +141,19 @@ def remarks_on_passes(state: State, settings: Settings, norm: str) -> Iterator[s
     if len(passes) > 1 or status is not Status.CONVERGED:  # else nothing was polished or compared
         yield _polish_remark(passes, settings, norm)
     if status in LIMITED:
-        yield _shortfall_remark(passes, settings)
+        yield _shortfall_remark(passes, settings.growth)
 
 
-def _shortfall_remark(passes: Passes, settings: Settings) -> str:
+def _shortfall_remark(passes: Passes, growth: NodeCounts) -> str:
     first, last = passes[0], passes[-1]
     drift, nodes = drift_of_nodes(last.mesh.dim(), last.order), last.mesh.nvertices
     if drift:  # recycling by energy keeps the unknowns, not the nodes
         nodes = max(nodes, round(first.mesh.nvertices * last.unknowns / first.unknowns))
-    return settings.growth.shortfall_message(nodes, drift)
-
-
-def outputs_remark(first: Pass, best: Pass, better: Mapping[str, float]) -> str:
-    # Outputs smaller than their errors, such as a force across a symmetry, are left out.
-    errors = {name: [abs(step.outputs[name] - value) for step in (first, best)] for name, value in better.items()}
-    worse = [
-        f"error of {name!r} about {now:.2g} (input {before:.2g})"
-        for name, (before, now) in errors.items()
-        if WORSE * before < now < abs(better[name])
-    ]
-    if not worse:
+    if not isinstance(growth, Growth) or nodes >= (1.0 - drift) * growth.target:
         return ""
     return (
-        f"The mesh is better for the energy, but worse for outputs: {', '.join(worse)}. "
-        "To reduce the error of an output, use it as the goal of the problem."
+        f"The mesh has {nodes} of {growth.target} nodes, because further splits would break the quality rule or the "
+        "passes ended too early. Decrease `min_quality`, improve the input mesh or increase `passes`."
     )
 
 
@@ -267,9 +252,7 @@ def best_pass_text(best: Pass) -> str:
 def count_text(passes: Passes) -> str:
     last = passes[-1]
     raised = last.order > passes[0].order  # the last entry then is a solve without a pass
-    count = last.number - raised
-    text = counted(count, "pass")
-    return f"{text} and a solve of order {last.order}" if raised else text
+    return counted(last.number - raised, "pass") + f" and a solve of order {last.order}" * raised
 
 
 def _named(step: Pass) -> str:
@@ -303,8 +286,21 @@ def with_worse_outputs(adaptation: Adaptation, state: State) -> State:
     if state.ending is None or state.ending.status is not Status.STALLED or state.raised:
         return state
     better, trouble = adaptation.better_outputs(adaptation.sides(state.best))
-    remark = unimproved_remark("" if best.unimproved else trouble)
-    return state.with_note(remark or outputs_remark(state.passes[0], best, better))
+    if trouble and not best.unimproved:
+        return state.with_note(unimproved_remark(trouble))
+    # Outputs smaller than their errors, such as a force across a symmetry, are left out.
+    steps = (state.passes[0], best)
+    errors = {name: [abs(step.outputs[name] - value) for step in steps] for name, value in better.items()}
+    worse = [
+        f"error of {name!r} about {now:.2g} (input {before:.2g})"
+        for name, (before, now) in errors.items()
+        if WORSE * before < now < abs(better[name])
+    ]
+    note = (
+        f"The mesh is better for the energy, but worse for outputs: {', '.join(worse)}. "
+        "To reduce the error of an output, use it as the goal of the problem."
+    )
+    return state.with_note(note if worse else "")
 
 
 def outcome(adaptation: Adaptation, state: State) -> Ending:

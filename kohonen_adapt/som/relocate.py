@@ -49,7 +49,7 @@ POWER = 5.0 / 3.0  # exponent of the density as weight of smoothing, which equal
 PAIRS, NODES = 10_000, 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 
-def loops_in_plane(topology: str) -> tuple[str, ...]:
+def loops_in_plane(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
     return "ground", "map", "carrying", "locating", "recycling" if topology == "recycle" else "transport"
 
 
@@ -147,8 +147,11 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
 def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:
     if schedule is not None and schedule.rounds:
         raise ValueError(f"rounds of transport are for triangles only; got a schedule with {schedule.rounds}.")
-    recycling = ["space recycling"] * (topology == "recycle")
-    return ("space ground", "space moves", *recycling, *["space map"] * (schedule is not None and schedule.trains))
+    others = [
+        *["space recycling"] * (topology == "recycle"),
+        *["space map"] * (schedule is not None and schedule.trains),
+    ]
+    return "space ground", "space moves", *others, "space locating"
 
 
 def move_in_space(

@@ -11,11 +11,16 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
+from kohonen_adapt.loop.dimension import plane, space
 
 
 @cache
 def adapted(topology="recycle"):
     return ka.adapt(fichera(), Poisson(FICHERA), passes=3, topology=topology)
+
+
+def test_both_dimensions_have_the_same_names():
+    assert plane.__all__ == space.__all__
 
 
 def test_a_pass_is_relocate_with_the_density_of_its_indicators():

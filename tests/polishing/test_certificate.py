@@ -73,7 +73,7 @@ SPACE = {
 def opened(mesh, problem):
     """The parts of the loop for the mesh, and the mesh with the constraints on its nodes."""
     method, checked = method_of(mesh), CheckedProblem(problem)
-    return method, method.open(mesh, Rules("recycle", periodic=checked.pairs).guarded(), checked.is_curved)
+    return method, method.opened(mesh, Rules("recycle", periodic=checked.pairs).guarded(), checked.is_curved)
 
 
 def certified(mesh, problem, plan, known_to):
