@@ -157,8 +157,16 @@ def _boundaries(mesh: MeshTri | MeshTet, used: Ints, content: Content, path: Pat
     node = indices_in(used, rows.nodes)
     facet = np.where(np.all(node >= 0, axis=1), rows_in(mesh.facets.T, node), -1)
     found = facet >= 0
-    if not found.all():
-        _report_others(content, rows.nodes[~found], path)
+    others = rows.nodes[~found]
+    if len(others) and content.dimension == 2:
+        logger.warning("%d lines of '%s' are not sides of triangles and are left out.", len(others), path)
+    elif len(others):
+        place = tuple(content.points[others[0]].mean(axis=0).tolist())
+        raise ValueError(
+            f"read_mesh expected triangles that are faces of tetrahedra; {len(others)} of '{path}' are not, one "
+            f"near {place}. Put the volumes beside them into a physical group, mesh surfaces inside a volume with it "
+            "(Gmsh: BooleanFragments), or leave them out."
+        )
     node, facet = node[found], facet[found]
     second = ~is_in_front(mesh.p[:, node.T], centroids_of(mesh, mesh.f2t[0, facet])) & (mesh.f2t[1, facet] >= 0)
     made: Sets = {}
@@ -168,18 +176,6 @@ def _boundaries(mesh: MeshTri | MeshTet, used: Ints, content: Content, path: Pat
         if np.any(mesh.f2t[1, facets] >= 0) and _have_direction(directed(mesh, facets, side)):
             made[name] = OrientedBoundary(made[name], side)
     return made or None
-
-
-def _report_others(content: Content, nodes: Ints, path: Path) -> None:
-    if content.dimension == 2:
-        logger.warning("%d lines of '%s' are not sides of triangles and are left out.", len(nodes), path)
-        return
-    place = tuple(content.points[nodes[0]].mean(axis=0).tolist())
-    raise ValueError(
-        f"read_mesh expected triangles that are faces of tetrahedra; {len(nodes)} of '{path}' are not, one "
-        f"near {place}. Put the volumes beside them into a physical group, mesh surfaces inside a volume with it "
-        "(Gmsh: BooleanFragments), or leave them out."
-    )
 
 
 def _have_direction(facets: Ints) -> bool:

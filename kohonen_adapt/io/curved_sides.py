@@ -68,22 +68,18 @@ def with_curved_sides(mesh: Mesh, content: Content, used: Ints, path: Path, scal
     order = segments.shape[1] - 1
     curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
     if order > 2:
-        _report_loss(curved, position[:, segments[:, 1:-1]], path)
+        size = np.hypot(*np.diff(curved.p[:, curved.facets], axis=1)[:, 0])
+        x, tangent = Blended(curved).facet_points(np.arange(size.size), np.arange(1, order) / order)
+        across, up = position[:, segments[:, 1:-1]] - x
+        off = np.max(np.abs(tangent[0] * up - tangent[1] * across) / np.hypot(*tangent), axis=1) / size
+        worst = int(np.argmax(off))
+        logger.log(
+            logging.WARNING if off[worst] > LOST else logging.INFO,
+            "sides of order %d of '%s' become arcs or parabolas through their ends and middles, and the nodes inside "
+            "triangles are left out: a node of a side is off by %.2g of its length, near (%.6g, %.6g).",
+            *(order, path, off[worst], *x[:, worst].mean(axis=1)),
+        )
     return curved
-
-
-def _report_loss(mesh: MeshTri, inner: Floats, path: Path) -> None:
-    order, size = inner.shape[2] + 1, np.hypot(*np.diff(mesh.p[:, mesh.facets], axis=1)[:, 0])
-    x, tangent = Blended(mesh).facet_points(np.arange(size.size), np.arange(1, order) / order)
-    across, up = inner - x
-    off = np.abs(tangent[0] * up - tangent[1] * across).T / np.hypot(*tangent).T
-    worst = int(np.argmax(off.max(axis=0) / size))
-    logger.log(
-        logging.WARNING if off[:, worst].max() > LOST * size[worst] else logging.INFO,
-        "sides of order %d of '%s' become arcs or parabolas through their ends and middles, and the nodes inside "
-        "triangles are left out: a node of a side is off by %.2g of its length, near (%.6g, %.6g).",
-        *(order, path, off[:, worst].max() / size[worst], *x[:, worst].mean(axis=1)),
-    )
 
 
 def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict[str, Spline]:
@@ -94,10 +90,20 @@ def to_curves(content: Content, mesh: MeshTri, path: Path, scale: float) -> dict
     ValueError
         If the file, `path`, does not hold triangles of one order from 2 to 5, or `mesh` has other nodes than the file.
     """
-    _check_order(content, path)
+    if not order_of_sides(content):
+        found = "other elements, too" if content.rows.keys() & ORDERS.keys() else "none"
+        raise ValueError(
+            f"read_curves expected triangles of one order from 2 to 5, for the nodes of sides; '{path}' has {found}. "
+            "Mesh with Mesh.ElementOrder = 2, or use the nodes of the mesh: Spline.through(mesh, name)."
+        )
     mesh = corners_of(mesh)
     used = np.unique(content.of_shape(TRIANGLE).nodes)
-    _check_same(mesh.p, scale * content.points[used, :2].T, path)
+    own = scale * content.points[used, :2].T
+    if mesh.p.shape != own.shape:
+        raise _of_another_mesh(path, f", with {own.shape[1]} nodes; got one with {mesh.p.shape[1]}")
+    off, size = np.max(np.abs(mesh.p - own)), np.ptp(own, axis=1).max()
+    if off > SAME * size + DIGITS * np.abs(own).max():
+        raise _of_another_mesh(path, f" at this scale; a node is off by {off / size:.3g} times the size of the mesh")
     named = {name: np.unique(rows) for name, rows in named_sets(mesh.boundaries).items()}
     facets = union(named.values())
     segments = _side_nodes(content, TRIANGLE, used[mesh.facets[:, facets].T], path)
@@ -118,24 +124,6 @@ def order_of_sides(content: Content, shape: str = TRIANGLE) -> int:
     # 0 for straight sides, and for elements of several orders
     kinds = [kind for kind in content.rows if shape_of(kind) == shape]
     return ORDERS.get(kinds[0], 0) if len(kinds) == 1 else 0
-
-
-def _check_order(content: Content, path: Path) -> None:
-    if not order_of_sides(content):
-        found = "other elements, too" if content.rows.keys() & ORDERS.keys() else "none"
-        raise ValueError(
-            f"read_curves expected triangles of one order from 2 to 5, for the nodes of sides; '{path}' has {found}. "
-            "Mesh with Mesh.ElementOrder = 2, or use the nodes of the mesh: Spline.through(mesh, name)."
-        )
-
-
-def _check_same(p: Floats, own: Floats, path: Path) -> None:
-    if p.shape != own.shape:
-        raise _of_another_mesh(path, f", with {own.shape[1]} nodes; got one with {p.shape[1]}")
-    off = np.max(np.abs(p - own))
-    size = np.ptp(own, axis=1).max()
-    if off > SAME * size + DIGITS * np.abs(own).max():
-        raise _of_another_mesh(path, f" at this scale; a node is off by {off / size:.3g} times the size of the mesh")
 
 
 def _of_another_mesh(path: Path, why: str) -> ValueError:

@@ -5,7 +5,6 @@ An element of Elmer is in one body and a facet in one boundary, so overlapping g
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from kohonen_adapt.files import whole_files
 from kohonen_adapt.io.content import (
     GMSH_TETRAHEDRON,
     Content,
-    GroupNames,
     Rows,
     as_value_error,
     in_space,
@@ -53,8 +51,14 @@ def read_elmer(folder: Path) -> Content:
         nodes = nodes[np.argsort(nodes[:, 0], kind="stable")]
         blocks = [*_blocks(_text(folder, "mesh.elements"), 1), *_blocks(_text(folder, "mesh.boundary"), 3)]
         rows = rows_by_type((kind, placed(own, nodes[:, 0])) for kind, own in blocks)
-        bare = Content(nodes[:, 2:], rows, {}, numbers=nodes[:, 0].astype(int))
-        return replace(bare, names=_names(folder, bare.dimension))
+        content = Content(nodes[:, 2:], rows, {}, numbers=nodes[:, 0].astype(int))
+        dimension = content.dimension
+        for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
+            if line.startswith("!"):
+                dimension = content.dimension - ("boundaries" in line)
+            elif found := NAME.fullmatch(line):
+                content.names[dimension, int(found[2])] = found[1]
+        return content
 
 
 def _text(folder: Path, name: str) -> str:
@@ -75,17 +79,6 @@ def _blocks(text: str, before: int) -> Iterator[tuple[int, Rows]]:
         yield number, Rows(nodes[:, GMSH_TETRAHEDRON] if kind == "510" else nodes, table[:, 1], table[:, 0])
 
 
-def _names(folder: Path, bodies: int) -> GroupNames:
-    names = GroupNames()
-    dimension = bodies
-    for line in _text(folder, "mesh.names").splitlines() if (folder / "mesh.names").exists() else []:
-        if line.startswith("!"):
-            dimension = bodies - 1 if "boundaries" in line else bodies
-        elif found := NAME.fullmatch(line):
-            names[dimension, int(found[2])] = found[1]
-    return names
-
-
 def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, groups: Groups) -> None:
     d, (kind, of_facet) = len(mesh.p), WRITTEN_AS[len(mesh.p)]
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
@@ -103,7 +96,12 @@ def write_elmer(folder: Path, mesh: Mesh, subdomains: Sets, boundaries: Sets, gr
     folder.mkdir(exist_ok=True)
     with whole_files(folder) as draft:
         rows = [f"{number} -1 {x!r} {y!r} {z!r}\n" for number, (x, y, z) in enumerate(places, 1)]
-        names = _named({d: subdomains, d - 1: boundaries}, numbers)
+        names = [
+            "! ----- names for bodies -----\n",
+            *(f"$ {name} = {numbers[d, name]}\n" for name in subdomains),
+            "! ----- names for boundaries -----\n",
+            *(f"$ {name} = {numbers[d - 1, name]}\n" for name in boundaries),
+        ]
         for name, texts in ((HEADER, [counts]), ("mesh.nodes", rows), ("mesh.names", names)):
             (draft / name).write_text("".join(texts), "utf-8")
         for name, columns in (("mesh.elements", elements), ("mesh.boundary", sides)):
@@ -119,9 +117,3 @@ def _numbered(sets: Sets, dimension: int, count: int, numbers: GroupNumbers) -> 
             raise ValueError(f"groups must not overlap in Elmer; '{other}' and '{name}' do. Leave one of them out.")
         number[np.asarray(items)] = numbers[dimension, name]
     return number
-
-
-def _named(sets_of: Mapping[int, Sets], numbers: GroupNumbers) -> Iterator[str]:
-    for (dimension, sets), kind in zip(sets_of.items(), ("bodies", "boundaries"), strict=True):
-        yield f"! ----- names for {kind} -----\n"
-        yield from (f"$ {name} = {numbers[dimension, name]}\n" for name in sets)

@@ -99,12 +99,12 @@ def _boundaries(head: str, nodes: Complex) -> Iterator[Named]:
         )
     sides = Counter[int]()
     ends = _section(head, "NumPoints", 2) @ [1.0, 1.0j]
-    segments, arcs = _section(head, "NumSegments", 4), _section(head, "NumArcSegments", 5)
-    curves = [(*row[[0, 1, 3]].astype(int).tolist(), 0.0) for row in segments]
-    curves += [(*row[[0, 1, 4]].astype(int).tolist(), np.radians(row[2])) for row in arcs]
-    for first, last, which, angle in curves:
+    # Ends, angle, size and property of arcs, which segments have without an angle
+    segments = np.insert(_section(head, "NumSegments", 4), 2, 0.0, axis=1)
+    for row in np.vstack([segments, _section(head, "NumArcSegments", 5)]):
+        first, last, which = row[[0, 1, 4]].astype(int).tolist()
         if which > 0:
-            node = _nodes_on_curve(nodes, ends[first], ends[last], angle)
+            node = _nodes_on_curve(nodes, ends[first], ends[last], np.radians(row[2]))
             lines, number = np.column_stack([node[:-1], node[1:]]), np.arange(len(node) - 1)
             yield LINE, names[which], lines, number
             if kinds[which] in PERIODIC:

@@ -10,7 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Array, FilePath, Floats, Ints
 from kohonen_adapt.checks import listed
 from kohonen_adapt.display import plural
-from kohonen_adapt.io.content import CellFields, Field, check_finite, suffix_of
+from kohonen_adapt.io.content import check_finite, suffix_of
 from kohonen_adapt.io.gmsh_reader import read_views
 from kohonen_adapt.io.medit_solution import SOLUTION, read_solution
 from kohonen_adapt.io.meshio_reader import WITH_FIELDS, read_arrays
@@ -118,7 +118,17 @@ def read_field(path: FilePath, mesh: Mesh, name: str | None = None, *, scale: fl
         place = _match_cells(mesh, points / scale, content.cells, path, shape)
     except ValueError as error:
         raise ValueError(f"{error}{_owner_sentence(path, points / scale, content.cells, shape)}") from None
-    field = _field(content, name, path)
+    known = listed({field.name for field in content.fields})
+    if name is None and len(content.fields) != 1:
+        raise ValueError(f"'{path}' must have one field if no name is given; its fields are: {known}.")
+    found = [field for field in content.fields if name in (None, field.name)]
+    if {field.nodal for field in found} == {True, False}:
+        raise ValueError(f"'{path}' has '{name}' at points and in cells; rename one of them.")
+    if len(found) > 1:
+        raise ValueError(f"'{path}' has {len(found)} fields or steps '{name}'; write one only.")
+    if not found:
+        raise ValueError(f"'{path}' has no field '{name}'; its fields are: {known}.")
+    field = found[0]
     values = field.values[content.cells[place] if field.nodal else place]
     return _of_elements(values, ORDERS.get(suffix, FULL), len(mesh.p), f"'{field.name}' of '{path}'")
 
@@ -171,20 +181,6 @@ def _nearest(wanted: Floats, given: Floats, mesh: Mesh, path: Path, what: str) -
             "of the mesh. Do both files have the same unit and step?"
         )
     return place
-
-
-def _field(content: CellFields, name: str | None, path: Path) -> Field:
-    known = listed({field.name for field in content.fields})
-    if name is None and len(content.fields) != 1:
-        raise ValueError(f"'{path}' must have one field if no name is given; its fields are: {known}.")
-    found = [field for field in content.fields if name in (None, field.name)]
-    if {field.nodal for field in found} == {True, False}:
-        raise ValueError(f"'{path}' has '{name}' at points and in cells; rename one of them.")
-    if len(found) > 1:
-        raise ValueError(f"'{path}' has {len(found)} fields or steps '{name}'; write one only.")
-    if not found:
-        raise ValueError(f"'{path}' has no field '{name}'; its fields are: {known}.")
-    return found[0]
 
 
 def _of_elements(values: Array, order: Order, dim: int, what: str) -> Floats:

@@ -24,6 +24,7 @@ class Numbers:
     def __init__(self, data: bytes, start: int, binary: bool) -> None:
         self._data: Any = data if binary else parse_numbers(data[start : data.index(b"$End", start)])
         self._position, self._binary = start if binary else 0, binary
+        self._per_real = 2 if binary else 1  # words
 
     def take(self, count: int, kind: DTypeLike = REAL) -> Array:
         start, size = self._position, np.dtype(kind).itemsize if self._binary else 1
@@ -46,30 +47,26 @@ class Numbers:
         return int(self._data[start:end])
 
     def rows(self, count: int, components: int) -> tuple[Ints, Floats]:
-        if self._binary:
-            table = self.take(count, np.dtype([("number", INT), ("values", REAL, (components,))]))
-            return _as_integers(table["number"]), table["values"]
-        rows = self.take((1 + components) * count).reshape(count, 1 + components)
-        return _as_integers(rows[:, 0]), rows[:, 1:]
+        width = 1 + components * self._per_real
+        table = self.take(width * count, INT).reshape(count, width)
+        return _as_integers(table[:, 0]), _reals(table[:, 1:])
 
     def parametric_rows(self, count: int) -> tuple[Ints, Floats]:
         # A row has the number, position, dimension and tag of the entity, and a parameter on curves, two on surfaces.
-        size = 2 if self._binary else 1
+        size = self._per_real
         end = 1 + 3 * size
         parts: list[tuple[Ints, Floats]] = [(np.empty(0, int), np.empty((0, 3)))]
         width = {1: 2 + size, 2: 2 + 2 * size}
         for _, table in self._rows_by_head(count, slice(end, end + 1), lambda kind: (end + width.get(kind, 2), 1)):
-            places = np.ascontiguousarray(table[:, 1:end]).view(REAL).reshape(-1, 3)
-            parts.append((_as_integers(table[:, 0]), places))
+            parts.append((_as_integers(table[:, 0]), _reals(table[:, 1:end])))
         numbers, points = zip(*parts, strict=True)
         return np.concatenate(numbers), np.concatenate(points)
 
     def nodal_rows(self, count: int, components: int) -> Iterator[tuple[Ints, Floats]]:
         """Yield element numbers (n,) and nodal values (n, nodes, components)."""
-        words = components * (2 if self._binary else 1)
+        words = components * self._per_real
         for (nodes,), table in self._rows_by_head(count, slice(1, 2), lambda nodes: (2 + nodes * words, 1)):
-            values = np.ascontiguousarray(table[:, 2:]).view(REAL).reshape(-1, nodes, components)
-            yield _as_integers(table[:, 0]), values
+            yield _as_integers(table[:, 0]), _reals(table[:, 2:]).reshape(-1, nodes, components)
 
     def elements(self, count: int) -> Iterator[tuple[int, int, Ints]]:
         """Yield type, number of tags, and rows (number, tags, nodes) of MSH 2 elements."""
@@ -112,6 +109,10 @@ class Numbers:
 def _require(there: bool) -> None:
     if not there:
         raise ValueError("a section ends before its last number")
+
+
+def _reals(words: Array) -> Floats:
+    return np.ascontiguousarray(words).view(REAL)
 
 
 def _as_integers(values: Array) -> Ints:

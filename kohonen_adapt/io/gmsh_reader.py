@@ -200,14 +200,13 @@ def _read_lists(data: bytes, path: Path, shape: str) -> CellFields:
     fields: list[Field] = []
     width = CORNERS[shape]
     corners = np.empty((0, 3 * width))
-    found = list(VIEW.finditer(data))
-    if not found:
+    _, *parts = VIEW.split(data)
+    if not parts:
         raise ValueError(
             f"read_field expected lists of {plural(shape)}; '{path}' begins with View, but has no such list."
         )
-    ends = [*(view.start() for view in found[1:]), len(data)]
-    for view, end in zip(found, ends, strict=True):
-        name, rows = view[1].decode("utf-8", "replace"), LIST_ITEM.findall(data, view.end(), end)
+    for view, body in zip(parts[::2], parts[1::2], strict=True):
+        name, rows = view.decode("utf-8", "replace"), LIST_ITEM.findall(body)
         components = _components(name, {kind.decode() for kind, _, _ in rows}, path, shape)
         try:
             places = _numbers([place for _, place, _ in rows]).reshape(len(rows), 3 * width)
@@ -248,7 +247,17 @@ def _views(data: bytes, binary: bool, content: Content, shape: str) -> CellField
     for found in SECTION.finditer(data):
         kind = found[1].decode()
         (name, components, count), start = _tags(data, found.end())
-        parts = _corner_values(Numbers(data, start, binary), kind, count, components, CORNERS[shape])
+        numbers, width = Numbers(data, start, binary), CORNERS[shape]
+        # Numbers of nodes or elements (n,), and values (n, 1 or corners, components)
+        if kind != "ElementNodeData":
+            number, given = numbers.rows(count, components)
+            parts = [(number, given[:, None])]
+        else:
+            parts = list(numbers.nodal_rows(count, components))
+            if components == COMPONENTS["T"]:
+                parts = [(number, given[:, :width]) for number, given in parts if given.shape[1] >= width]
+            else:
+                parts = [(number, given.mean(axis=1, keepdims=True)) for number, given in parts]
         nodal = kind == "NodeData"
         owner, known = (np.arange(len(content.points)), content.numbers) if nodal else (element.ravel(), rows.number)
         corners = max((given.shape[1] for _, given in parts), default=1)
@@ -258,17 +267,6 @@ def _views(data: bytes, binary: bool, content: Content, shape: str) -> CellField
             values[owner[place[place >= 0]]] = given[place >= 0]
         fields.append(Field(name, nodal, values[:, 0] if nodal else values))
     return CellFields(content.points, cells, fields)
-
-
-def _corner_values(numbers: Numbers, kind: str, count: int, components: int, corners: int) -> list[tuple[Ints, Floats]]:
-    # numbers of nodes or elements (n,), and values (n, 1 or corners, components)
-    if kind != "ElementNodeData":
-        number, values = numbers.rows(count, components)
-        return [(number, values[:, None])]
-    found = numbers.nodal_rows(count, components)
-    if components != COMPONENTS["T"]:
-        return [(number, values.mean(axis=1, keepdims=True)) for number, values in found]
-    return [(number, values[:, :corners]) for number, values in found if values.shape[1] >= corners]
 
 
 def _tags(data: bytes, start: int) -> tuple[tuple[str, int, int], int]:

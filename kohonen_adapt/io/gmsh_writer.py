@@ -7,6 +7,7 @@ listed once per group. meshio writes one group per element, and damages files th
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TextIO
 
@@ -81,32 +82,32 @@ def write_msh(
     facets = union(codes.values())
     sides = {name: np.searchsorted(facets, items) for name, items in codes.items()}
     nodes, d = groups.nodes(mesh), len(mesh.p)
-    names = {number: groups.names.get((0, number), UNNAMED[d][0].format(number)) for number in nodes}
     numbers = numbers_for({d: subdomains, d - 1: boundaries}, groups)
     corners = directed(mesh, *divmod(facets, 2))
     of_elements = nodes_of_elements(mesh)
     if of_elements.shape[1] == 10:
         of_elements = of_elements[:, GMSH_TETRAHEDRON]
     elements = _layer(d, of_elements, subdomains, numbers, UNNAMED[d][d], first=1)
-    along = _with_midsides(mesh, corners, facets // 2)
-    boundary = _layer(d - 1, along, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.nelements)
-    point = _points(nodes, names, UNNAMED[d][0], first=1 + mesh.nelements + len(facets))
-    layers = [point, boundary, elements]
+    if is_second_order(mesh):
+        midsides = facets // 2 if d == 2 else edges_between(mesh, corners, np.roll(corners, -1, axis=1))
+        corners = np.column_stack([corners, mesh.nvertices + midsides])
+    boundary = _layer(d - 1, corners, sides, numbers, UNNAMED[d][d - 1], first=1 + mesh.nelements)
+    used = union(nodes.values())
+    tags = [np.array([tag for tag, members in nodes.items() if node in members], int) for node in used]
+    default = UNNAMED[d][0].format
+    names = {tag: name for tag in nodes if (name := groups.names.get((0, tag), default(tag))) != default(tag)}
+    number = 1 + mesh.nelements + len(facets) + np.arange(len(used))
+    layers = [Layer(0, used[:, None], number, np.arange(len(used)), tags, names), boundary, elements]
+    named = [f'{layer.dimension} {tag} "{name}"\n' for layer in layers for tag, name in layer.names.items()]
     with path.open("w", encoding="utf-8", newline="\n") as stream:
         stream.write(f"$MeshFormat\n{version} 0 8\n$EndMeshFormat\n")
-        _write_names(stream, layers)
+        if named:
+            stream.write(f"$PhysicalNames\n{len(named)}\n{''.join(named)}$EndPhysicalNames\n")
         (_write_41 if version == "4.1" else _write_22)(stream, mesh.p, layers)
         for name, values in point_data.items():
             _write_field(stream, "NodeData", name, values)
         for name, values in cell_data.items():
             _write_field(stream, "ElementData", name, values)
-
-
-def _with_midsides(mesh: Mesh, ends: Ints, facets: Ints) -> Ints:
-    if not is_second_order(mesh):
-        return ends
-    own = facets if len(mesh.p) == 2 else edges_between(mesh, ends, np.roll(ends, -1, axis=1))
-    return np.column_stack([ends, mesh.nvertices + own])
 
 
 def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: GroupNumbers, unnamed: str, *, first: int) -> Layer:
@@ -121,14 +122,6 @@ def _layer(dimension: int, nodes: Ints, sets: Sets, numbers: GroupNumbers, unnam
     return Layer(dimension, nodes, first + np.arange(len(nodes)), entity, [tags[each] for each in members], names)
 
 
-def _points(nodes: dict[int, Ints], names: dict[int, str], unnamed: str, *, first: int) -> Layer:
-    used = union(nodes.values())
-    tags = [np.array([tag for tag, members in nodes.items() if node in members], int) for node in used]
-    number = first + np.arange(len(used))
-    written = {tag: name for tag, name in names.items() if name != unnamed.format(tag)}
-    return Layer(0, used[:, None], number, np.arange(len(used)), tags, written)
-
-
 def _write_integers(stream: TextIO, table: Ints) -> None:
     _write_rows(stream, " ".join(["%d"] * table.shape[1]), table)
 
@@ -139,26 +132,33 @@ def _write_rows(stream: TextIO, row: str, table: Array) -> None:
         stream.write((row + "\n") * len(part) % tuple(part.ravel().tolist()))
 
 
-def _write_names(stream: TextIO, layers: list[Layer]) -> None:
-    rows = [f'{layer.dimension} {tag} "{name}"\n' for layer in layers for tag, name in layer.names.items()]
-    if rows:
-        stream.write(f"$PhysicalNames\n{len(rows)}\n{''.join(rows)}$EndPhysicalNames\n")
-
-
 def _write_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     counts = {layer.dimension: len(layer.groups) for layer in layers}
     stream.write(f"$Entities\n{' '.join(str(counts.get(dimension, 0)) for dimension in range(4))}\n")
     for layer in layers:
-        _write_entities(stream, p, layer)
-    stream.write("$EndEntities\n")
-    _write_nodes_41(stream, p, layers)
+        for entity, which in _by_entity(layer.entity):
+            corners, groups = p[:, layer.nodes[which]], layer.groups[entity]
+            bounds = [corners.min(axis=(1, 2)), corners.max(axis=(1, 2))][: 1 + (layer.dimension > 0)]
+            place = " ".join(_coordinates(p) % tuple(bound.tolist()) for bound in bounds)
+            ends = " 0" * (layer.dimension > 0)
+            stream.write(f"{entity + 1} {place} {' '.join(map(str, [len(groups), *groups]))}{ends}\n")
+    start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
+    owner = np.empty(p.shape[1], int)
+    for layer, shift in reversed(list(zip(layers, start, strict=False))):  # the lowest dimension is last, and prevails
+        owner[layer.nodes] = shift + layer.entity[:, None]
+    nodes = _by_entity(owner)
+    stream.write(f"$EndEntities\n$Nodes\n{len(nodes)} {p.shape[1]} 1 {p.shape[1]}\n")
+    for entity, which in nodes:
+        rank = int(np.searchsorted(start, entity, side="right")) - 1
+        stream.write(f"{layers[rank].dimension} {entity - start[rank] + 1} 0 {len(which)}\n")
+        _write_rows(stream, "%d", which + 1)
+        _write_rows(stream, _coordinates(p), p[:, which].T)
     parts = [(layer, tag, which) for layer in layers for tag, which in _by_entity(layer.entity)]
     total = sum(len(layer.number) for layer in layers)
-    stream.write(f"$Elements\n{len(parts)} {total} 1 {total}\n")
+    stream.write(f"$EndNodes\n$Elements\n{len(parts)} {total} 1 {total}\n")
     for layer, entity, which in parts:
         stream.write(f"{layer.dimension} {entity + 1} {layer.kind} {len(which)}\n")
-        table = np.column_stack([layer.number[which], layer.nodes[which] + 1])
-        _write_integers(stream, table)
+        _write_integers(stream, np.column_stack([layer.number[which], layer.nodes[which] + 1]))
     stream.write("$EndElements\n")
 
 
@@ -166,62 +166,27 @@ def _by_entity(entity: Ints) -> list[tuple[int, Ints]]:
     return [(int(entity[which[0]]), which) for which in grouped(entity)]
 
 
-def _write_entities(stream: TextIO, p: Floats, layer: Layer) -> None:
-    for entity, which in _by_entity(layer.entity):
-        corners = p[:, layer.nodes[which]]
-        bounds = [corners.min(axis=(1, 2)), corners.max(axis=(1, 2))][: 1 + (layer.dimension > 0)]
-        place = " ".join(_coordinates(p) % tuple(bound.tolist()) for bound in bounds)
-        groups = layer.groups[entity]
-        ends = " 0" if layer.dimension else ""
-        stream.write(f"{entity + 1} {place} {' '.join(map(str, [len(groups), *groups]))}{ends}\n")
-
-
 def _coordinates(p: Floats) -> str:
     return " ".join(["%r"] * len(p) + ["0"] * (3 - len(p)))
-
-
-def _write_nodes_41(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
-    start = np.cumsum([0, *(len(layer.groups) for layer in layers)])
-    owner = np.empty(p.shape[1], int)
-    for layer, shift in reversed(list(zip(layers, start, strict=False))):  # the lowest dimension is last, and prevails
-        owner[layer.nodes] = shift + layer.entity[:, None]
-    parts = _by_entity(owner)
-    stream.write(f"$Nodes\n{len(parts)} {p.shape[1]} 1 {p.shape[1]}\n")
-    for entity, which in parts:
-        rank = int(np.searchsorted(start, entity, side="right")) - 1
-        stream.write(f"{layers[rank].dimension} {entity - start[rank] + 1} 0 {len(which)}\n")
-        _write_rows(stream, "%d", which + 1)
-        _write_rows(stream, _coordinates(p), p[:, which].T)
-    stream.write("$EndNodes\n")
 
 
 def _write_22(stream: TextIO, p: Floats, layers: list[Layer]) -> None:
     stream.write(f"$Nodes\n{p.shape[1]}\n")
     _write_rows(stream, f"%d {_coordinates(p)}", np.column_stack([1 + np.arange(p.shape[1]), p.T]))
     most = max(1, *(len(groups) for layer in layers for groups in layer.groups))
-    tables = [_element_lines(layer, rank) for rank in range(most) for layer in reversed(layers)]
-    stream.write(f"$EndNodes\n$Elements\n{sum(map(len, tables))}\n")
-    start = 1
+    tables, listed = list[Ints](), 0
+    for rank, layer in product(range(most), reversed(layers)):
+        # The first rank has all elements; elements of further groups are listed again, with further numbers.
+        group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], int)[layer.entity]
+        which = np.flatnonzero((group > 0) | (rank == 0))
+        number, head = listed + 1 + np.arange(len(which)), np.full((len(which), 2), [layer.kind, 2])
+        tags = np.column_stack([number, head, group[which], layer.entity[which] + 1])
+        tables.append(np.column_stack([tags, layer.nodes[which] + 1]))
+        listed += len(which)
+    stream.write(f"$EndNodes\n$Elements\n{listed}\n")
     for table in tables:
-        # Fields refer to the numbers of the first table; elements listed again get further numbers.
-        table[:, 0] = start + np.arange(len(table))
-        start += len(table)
         _write_integers(stream, table)
     stream.write("$EndElements\n")
-
-
-def _element_lines(layer: Layer, rank: int) -> Ints:
-    """Return lines of the section ``$Elements`` of a Gmsh file, as integers.
-
-    The columns are the number of the element (0, set later), its type, the number of tags (2), the tags, which are the
-    physical group and the entity, and the nodes. An element in several groups has a line for each: `rank` is the index
-    of the group among these. An element without a group has one line, at rank 0.
-    """
-    group = np.array([groups[rank] if rank < len(groups) else 0 for groups in layer.groups], int)
-    listed = np.flatnonzero((group[layer.entity] > 0) | (rank == 0))
-    tags = np.column_stack([group[layer.entity], layer.entity + 1])[listed]
-    head = np.full((len(listed), 3), [0, layer.kind, 2])
-    return np.column_stack([head, tags, layer.nodes[listed] + 1])
 
 
 def _write_field(stream: TextIO, section: str, name: str, values: Floats) -> None:

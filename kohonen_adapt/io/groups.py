@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from skfem import MeshTri
 
 from kohonen_adapt.arrays import Floats, Ints, grouped
-from kohonen_adapt.io.content import DIMENSION, LARGEST_TAG, LINE, POINT, TETRAHEDRON, TRIANGLE, Content
+from kohonen_adapt.io.content import DIMENSION, LARGEST_TAG, LINE, POINT, TETRAHEDRON, TRIANGLE, Content, union
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.host import is_own_name
 
@@ -96,7 +96,7 @@ class Groups:
         list of int
             Valid as ``pinned`` of `relocate` and `adapt`.
         """
-        return sorted({int(node) for nodes in self.nodes(mesh).values() for node in nodes})
+        return union(self.nodes(mesh).values()).tolist()
 
 
 def name_of(content: Content, dimension: int, number: int) -> str:
@@ -109,7 +109,15 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
     for dimension, shape in dimensions.items():
         keys |= {(dimension, tag) for tag in np.unique(content.of_shape(shape).group).tolist() if tag > 0}
     names = {key: name for key in sorted(keys) if is_own_name(name := name_of(content, *key))}
-    _report_shared(names, path)
+    first: GroupNumbers = {}
+    for (dimension, number), name in names.items():
+        kept = first.setdefault((dimension, name), number)
+        if kept != number and dimension > 0:
+            logger.warning(
+                "groups %d and %d of '%s' have the same name '%s' and are merged into group %d; give them different "
+                "names to keep both.",
+                *(kept, number, path, name, kept),
+            )
     rows = content.of_shape(POINT)
     members = by_group(rows.group, rows.nodes[:, 0])
     nowhere = np.empty(0, int)
@@ -120,18 +128,6 @@ def to_groups(content: Content, path: Path, scale: float) -> Groups:
 
 def by_group(group: Ints, item: Ints) -> dict[int, Ints]:
     return {int(group[rows[0]]): item[rows] for rows in grouped(group) if group[rows[0]] > 0}
-
-
-def _report_shared(names: Mapping[tuple[int, int], str], path: Path) -> None:
-    first: GroupNumbers = {}
-    for (dimension, number), name in names.items():
-        kept = first.setdefault((dimension, name), number)
-        if kept != number and dimension > 0:
-            logger.warning(
-                "groups %d and %d of '%s' have the same name '%s' and are merged into group %d; give them different "
-                "names to keep both.",
-                *(kept, number, path, name, kept),
-            )
 
 
 def numbers_for(sets: Mapping[int, Iterable[str]], groups: Groups) -> GroupNumbers:

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from skfem import Mesh
 
-from kohonen_adapt.arrays import Array
 from kohonen_adapt.io.content import EXACT_INTEGERS, CellFields, Field, as_value_error, in_space, parse_numbers
 from kohonen_adapt.io.meshio_reader import read_arrays
 from kohonen_adapt.mesh.cells import cell_of
@@ -55,10 +54,7 @@ def _fields(data: bytes) -> list[Field]:
     dim = int(parse_numbers(sections[b"Dimension"])[0])
     if dim not in LOWER:
         raise ValueError(f"its dimension is {dim}")
-    return _columns(parse_numbers(sections[b"SolAtVertices"]), dim)
-
-
-def _columns(numbers: Array, dim: int) -> list[Field]:
+    numbers = parse_numbers(sections[b"SolAtVertices"])
     if len(numbers) < 2 or not np.all(np.abs(numbers[:2]) < EXACT_INTEGERS):
         raise ValueError("its number of vertices or of solutions is missing")
     count, solutions = numbers[:2].astype(int)

@@ -47,7 +47,7 @@ WITH_FIELDS = (".vtu", ".vtk", ".xdmf", ".med")
 
 LINE, TRIANGLE, QUADRILATERAL, TETRAHEDRON, HEXAHEDRON, PRISM, PYRAMID = range(1, 8)
 KINDS = {"vertex": 15, "line": LINE, "line3": 8, "triangle": TRIANGLE, "triangle6": 9, "tetra": TETRAHEDRON}
-KINDS |= {"tetra10": (TEN_NODES := 11)}
+KINDS |= {"tetra10": (TEN_NODES := 11), **dict(zip(LAGRANGE, (TRIANGLE, TETRAHEDRON), strict=True))}
 """Type in meshio to Gmsh's number."""
 
 REFUSED = {"tetra": 11, "wedge": PRISM, "pyramid": PYRAMID}
@@ -83,22 +83,15 @@ def _read_with_meshio(path: Path, caller: str) -> Any:
             raise
         except Exception as error:  # meshio raises errors of any type for a damaged file
             raise ValueError(f"{type(error).__name__} {error}".strip()) from error
-        _add_names(mesh, path, data)
-        return mesh
-
-
-def _add_names(mesh: Any, path: Path, data: bytes) -> None:
-    suffix = path.suffix.lower()
-    if suffix == ".su2":
-        markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
-        mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
-    if suffix == ".inp" and not is_ucd(data):
-        left_out = add_names(mesh, data.decode("utf-8", "replace"))
-        if left_out:
+        if suffix == ".su2":
+            markers = [marker.decode("utf-8", "replace") for _, marker in MARKER.findall(data)]
+            mesh.cell_tags = {number: [marker] for number, marker in enumerate(markers, 1)}
+        if module is meshio.abaqus and (left_out := add_names(mesh, data.decode("utf-8", "replace"))):
             logger.warning(
                 "the sets %s of '%s' are left out: no sides on the outline or between element sets are in them.",
                 *(listed(left_out), path),
             )
+        return mesh
 
 
 def _read_logged(read: Callable[[str], Any], path: Path) -> Any:
@@ -148,10 +141,8 @@ def _may_group(key: str, parts: list[Any]) -> bool:
 
 
 def _kind(block: Any) -> int:
-    others = {beginning: kind for beginning, kind in REFUSED.items() if block.type.startswith(beginning)}
-    if block.type in LAGRANGE:
-        return {2: TRIANGLE, 3: TETRAHEDRON}[LAGRANGE[block.type]]
-    return KINDS.get(block.type) or next(iter(others.values()), HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
+    others = (kind for beginning, kind in REFUSED.items() if block.type.startswith(beginning))
+    return KINDS.get(block.type) or next(others, HEXAHEDRON if block.dim == 3 else QUADRILATERAL)
 
 
 def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[Named]:
@@ -161,11 +152,16 @@ def _all_sets(mesh: Any, points: Floats, key: str | None) -> Iterator[Named]:
         if block.type in LAGRANGE:
             raise ValueError("its Lagrange cells hold a field inside elements; read the mesh from its own file")
         kind = _kind(block)
-        nodes = _nodes(block, kind, len(points))
-        yield kind, "", nodes, first + np.arange(len(nodes))
-        yield from _sets(mesh, k, kind, nodes, first, points)
-        yield from _numbered(mesh, k, kind, nodes, first, key) if key else ()
+        nodes, shape = _nodes(block, kind, len(points)), shape_of(kind)
+        number = first + np.arange(len(nodes))
         first += len(nodes)
+        yield kind, "", nodes, number
+        for name, which in _members(mesh, k, shape, key):
+            yield kind, name, nodes[which], number[which]
+        for name, values in mesh.cell_data.items() if shape in SIDES else ():
+            if name.startswith(BOUNDARY):
+                sides = sides_of(nodes[:, : CORNERS[shape]], _as_integers(values[k], name), points)
+                yield SIDES[shape], name.removeprefix(BOUNDARY), sides, np.arange(len(sides))
     for name, sides in getattr(mesh, "side_sets", {}).items():
         yield {2: LINE, 3: TRIANGLE}[sides.shape[1]], name, sides, first + np.arange(len(sides))
 
@@ -196,35 +192,24 @@ def _nodes(block: Any, kind: int, count: int) -> Ints:
     return nodes[:, GMSH_TETRAHEDRON] if kind == TEN_NODES else nodes
 
 
-def _sets(mesh: Any, k: int, kind: int, nodes: Ints, first: int, points: Floats) -> Iterator[Named]:
+def _members(mesh: Any, k: int, shape: str, key: str | None) -> Iterator[tuple[str, Ints]]:
+    # names and rows of the sets of a block, by the array `key` of group numbers as well
     for name, parts in mesh.cell_sets.items():
         if k < len(parts) and len(parts[k]):
-            yield kind, name, nodes[parts[k]], first + np.asarray(parts[k])
-    shape = shape_of(kind)
-    for key, values in mesh.cell_data.items() if shape in SIDES else ():
-        if key.startswith(SUBDOMAIN):
-            which = np.flatnonzero(_as_integers(values[k], key))
-            yield kind, key.removeprefix(SUBDOMAIN), nodes[which], first + which
-        elif key.startswith(BOUNDARY):
-            sides = sides_of(nodes[:, : CORNERS[shape]], _as_integers(values[k], key), points)
-            yield SIDES[shape], key.removeprefix(BOUNDARY), sides, np.arange(len(sides))
-
-
-def _numbered(mesh: Any, k: int, kind: int, nodes: Ints, first: int, key: str) -> Iterator[Named]:
-    numbers, dimension = _as_integers(mesh.cell_data[key][k], key), DIMENSION[shape_of(kind)]
-    has_zero = key not in NUMBERS and dimension == max(block.dim for block in mesh.cells)  # zero may be a region
-    for tag in np.unique(numbers if has_zero else numbers[numbers != 0]).tolist():
-        which = np.flatnonzero(numbers == tag)
-        for name in _names(mesh, key, tag, dimension):
-            yield kind, name, nodes[which], first + which
-
-
-def _names(mesh: Any, key: str, tag: int, dimension: int) -> list[str]:
-    texts = getattr(mesh, "cell_tags", {})
-    named = [name for name, given in mesh.field_data.items() if np.array_equal(given, [tag, dimension])]
-    # Families of MED have negative numbers, and no name outside all groups.
-    unnamed = UNNAMED[max(2, *(block.dim for block in mesh.cells))][dimension]
-    return texts.get(tag) or named or ([] if texts else [unnamed.format(abs(tag))])
+            yield name, parts[k]
+    for name, values in mesh.cell_data.items() if shape in SIDES else ():
+        if name.startswith(SUBDOMAIN):
+            yield name.removeprefix(SUBDOMAIN), np.flatnonzero(_as_integers(values[k], name))
+    if key:
+        numbers, dimension = _as_integers(mesh.cell_data[key][k], key), DIMENSION[shape]
+        highest = max(block.dim for block in mesh.cells)
+        has_zero = key not in NUMBERS and dimension == highest  # zero may be a region
+        texts, unnamed = getattr(mesh, "cell_tags", {}), UNNAMED[max(2, highest)][dimension]
+        for tag in np.unique(numbers if has_zero else numbers[numbers != 0]).tolist():
+            named = [name for name, given in mesh.field_data.items() if np.array_equal(given, [tag, dimension])]
+            # Families of MED have negative numbers, and no name outside all groups.
+            for name in texts.get(tag) or named or ([] if texts else [unnamed.format(abs(tag))]):
+                yield name, np.flatnonzero(numbers == tag)
 
 
 def _as_integers(values: Any, key: str) -> Ints:
@@ -243,14 +228,14 @@ def read_arrays(path: Path, shape: str) -> CellFields:
         parts = [_nodes(mesh.cells[k], kinds[k], len(points)) for k in blocks]
         cells = np.concatenate([np.empty((0, CORNERS[shape]), int), *(part[:, : CORNERS[shape]] for part in parts)])
         is_nodal = all(mesh.cells[k].type not in LAGRANGE for k in blocks)
-        nodal = [
-            Field(name, True, rows) if is_nodal else Field(name, False, _inside(rows, parts, cells))
+        fields = [
+            Field(name, is_nodal, rows if is_nodal else _inside(rows, parts, cells))
             for name, values in mesh.point_data.items()
             for rows in [_as_rows(values)]
         ]
-        cellwise = [
+        fields += [
             Field(name, False, _as_rows(np.concatenate([values[k] for k in blocks]))[:, None])
             for name, values in mesh.cell_data.items()
             if blocks
         ]
-        return CellFields(points, cells, [*nodal, *cellwise])
+        return CellFields(points, cells, fields)

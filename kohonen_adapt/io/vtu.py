@@ -31,8 +31,8 @@ SUBDOMAIN, BOUNDARY = "skfem:s:", "skfem:b:"
 KINDS = {3: "triangle", 4: "tetra", 6: "triangle6", 10: "tetra10"}
 """Nodes per element to the type in meshio (VTK's types 5, 10 and 22)."""
 
-LAGRANGE = {"VTK_LAGRANGE_TRIANGLE": 2, "VTK_LAGRANGE_TETRAHEDRON": 3}
-"""Elements of any order with equispaced nodes (VTK's types 69 and 71) in meshio, to their dimension."""
+LAGRANGE = ("VTK_LAGRANGE_TRIANGLE", "VTK_LAGRANGE_TETRAHEDRON")
+"""Elements of any order with equispaced nodes (VTK's types 69 and 71) in meshio."""
 
 PARTS: dict[int, tuple[tuple[int, ...], ...]] = {
     3: ((0, 1), (1, 2), (2, 0), (0, 1, 2)),
@@ -84,18 +84,16 @@ def write_vtu(
     if order:
         count = mesh.nelements
         nodes = _vtk_rows(order, dim) * count + np.arange(count)[:, None]
-        p = _lagrange_points(mesh, order) if positions is None else positions
-    kind = list(LAGRANGE)[dim - 2] if order > 1 else KINDS[nodes.shape[1]]
+        if positions is None:
+            shape = Blended(mesh) if order > PARABOLAS and dim == 2 else Isoparametric(mesh)
+            positions = shape.points_in_each(lattice_points(order, dim))
+        p = positions
+    kind = LAGRANGE[dim - 2] if order > 1 else KINDS[nodes.shape[1]]
     nodal = {
         escape(name, quote=False): _at_points(mesh, values, order) if order else values
         for name, values in point_data.items()
     }
     meshio.vtu.write(str(path), meshio.Mesh(in_space(p.T), [(kind, nodes)], point_data=nodal, cell_data=cells))
-
-
-def _lagrange_points(mesh: Mesh, order: int) -> Floats:
-    shape = Blended(mesh) if order > PARABOLAS and len(mesh.p) == 2 else Isoparametric(mesh)
-    return shape.points_in_each(lattice_points(order, len(mesh.p)))
 
 
 def _at_points(mesh: Mesh, values: Floats, order: int) -> Floats:

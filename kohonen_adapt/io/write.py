@@ -182,7 +182,6 @@ def _checked_sets(sets: Mapping[str, Ints] | None, kind: str) -> dict[str, Ints]
 
 def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Path) -> dict[str, Floats]:
     found: dict[str, Floats] = {}
-    shapes: set[tuple[int, ...]] = set()
     dim = len(mesh.p)
     for name, values in (fields or {}).items():
         if np.ndim(values) != 2:
@@ -201,7 +200,7 @@ def _checked_inside(mesh: Mesh, fields: Mapping[str, ArrayLike] | None, path: Pa
                 "nodes, or a second file."
             )
         found[name] = finite_reals(f"point_data '{name}'", values, {"k": shape[0], "nelements": count}, "element")
-        shapes.add(shape)
+    shapes = {values.shape for values in found.values()}
     if len(shapes) > 1:
         raise ValueError(
             f"point_data with values inside elements must have one shape, that of one order; got "
