@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import Mesh, MeshTri
+from skfem import MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -127,25 +127,19 @@ class Case:
             problem = _in_space(problem)
         if isinstance(problem, MagneticScalarPotential):  # bounds need straight facets
             return replace(problem, curved=False) if self.bracket else problem
-        return self._turned(self._with_points(problem))
+        points = problem.points or {}
+        wanted = (problem.potential or {}).keys() - points.keys()
+        if wanted and self.mesh_file.is_file():
+            found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
+            problem = replace(problem, points={**points, **found}) if found else problem
+        if not self.turn:
+            return problem
+        return replace(problem, materials=turned_materials(problem.materials, self.drawn, self.turn))
 
     @property
     def goal(self) -> Goal | None:
         """Goal of the problem."""
         return self.problem.goal
-
-    def _with_points(self, problem: Magnetostatics) -> Magnetostatics:
-        points = problem.points or {}
-        wanted = (problem.potential or {}).keys() - points.keys()
-        if not wanted or not self.mesh_file.is_file():
-            return problem
-        found = {name: self.scale * places for name, places in self.groups.places.items() if name in wanted}
-        return replace(problem, points={**points, **found}) if found else problem
-
-    def _turned(self, problem: Magnetostatics) -> Magnetostatics:
-        if not self.turn:
-            return problem
-        return replace(problem, materials=turned_materials(problem.materials, self.drawn, self.turn))
 
     @cached_property
     def drawn(self) -> MeshTri:
@@ -162,9 +156,20 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh)
-        _check_turn(mesh, self.turn)
+        if self.turn and type(mesh) is TETRAHEDRON.mesh:
+            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
-        return _with_rim(mesh, self.rim) if self.rim else mesh
+        if not self.rim:
+            return mesh
+        rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(self.rim)
+        if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
+            return mesh  # in a mesh written by `run`
+        if known is not None or self.rim in (mesh.subdomains or {}):
+            raise ValueError(
+                f"rim must be a new name for the whole rim of the mesh, which already has another {self.rim!r}. Choose "
+                "another name, or leave rim out."
+            )
+        return mesh.with_boundaries({self.rim: rim})
 
     @property
     def follows_tolerance(self) -> bool:
@@ -197,17 +202,15 @@ class Case:
 
     @property
     def axisymmetric(self) -> bool:
-        return isinstance(self.problem, Magnetostatics) and self.problem.axisymmetric
+        return getattr(self.problem, "axisymmetric", False)
 
     @property
     def coils(self) -> Mapping[str, Coil]:
-        return {} if isinstance(self.problem, Magnetostatics) else self.problem.coils or {}
+        return getattr(self.problem, "coils", None) or {}
 
     @property
     def pairs(self) -> Sequence[Pair]:
-        problem = self.base_problem
-        own: Sequence[Pair] = problem.pairs if isinstance(problem, Magnetostatics) else ()
-        return self.adapt.get("periodic", own)
+        return self.adapt.get("periodic", getattr(self.base_problem, "pairs", ()))
 
     @property
     def pinned(self) -> list[int | str]:
@@ -267,11 +270,6 @@ class Case:
         return given | ({"curves": curves} if curves else {})
 
 
-def _check_turn(mesh: Mesh, turn: Turn) -> None:
-    if turn and type(mesh) is TETRAHEDRON.mesh:
-        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
-
-
 def _in_space(problem: Magnetostatics) -> MagneticScalarPotential:
     default = Magnetostatics(problem.materials, problem.potential or {"": 0.0}, estimator=problem.estimator)
     pairs = {each.name: (getattr(problem, each.name), getattr(default, each.name)) for each in fields(problem)}
@@ -283,18 +281,6 @@ def _in_space(problem: Magnetostatics) -> MagneticScalarPotential:
     if plane_only:
         raise ValueError(f"{', '.join(plane_only)}: for meshes of triangles only, but the mesh is one of tetrahedra.")
     return MagneticScalarPotential(**{name: getattr(problem, name) for name in SHARED})
-
-
-def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
-    rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(name)
-    if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
-        return mesh  # in a mesh written by `run`
-    if known is not None or name in (mesh.subdomains or {}):
-        raise ValueError(
-            f"rim must be a new name for the whole rim of the mesh, which already has another {name!r}. Choose another "
-            "name, or leave rim out."
-        )
-    return mesh.with_boundaries({name: rim})
 
 
 def keys_of_space(given: Mapping[str, Any]) -> list[str]:

@@ -100,7 +100,7 @@ def _check_file(path: Path) -> None:
 
 def _check_names(case: Case, mesh: MeshTri) -> None:
     problem = case.problem
-    points = (problem.points or {}) if isinstance(problem, Magnetostatics) else {}
+    points = getattr(problem, "points", None) or {}
     given = problem.potential or {}
     if not named_sets(mesh.boundaries) and given.keys() - points.keys():
         raise ValueError(

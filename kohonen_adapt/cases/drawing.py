@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -70,25 +70,19 @@ class Drawing:
         if find_spec("gmsh") is None:
             raise ValueError('mesh.drawing needs Gmsh, which is not installed: pip install "kohonen-adapt[draw]".')
         values = [text for name, value in self.parameters.items() for text in (name, repr(value))]
-        drawing, origins = self._prepared(path.with_suffix(SUFFIX))
+        drawing, origins = str(self.file.resolve()), list[tuple[Path, int]]()
+        if not self.trusted:
+            copy = path.with_suffix(SUFFIX)
+            drawing = copy.name
+            with locate_errors(f"mesh.drawing '{self}'"):
+                origins = Script.read(self.file).write(copy)
         command = [sys.executable, "-P", str(SCRIPT), drawing, path.name, *values]
         if reason := _error_of(command, path):
-            raise ValueError(f"mesh.drawing '{self}': {_with_origin(reason, drawing, origins)}")
-
-    def _prepared(self, copy: Path) -> tuple[str, Sequence[tuple[Path, int]]]:
-        # Returns the drawing for Gmsh, and the file and line of each of its lines.
-        if self.trusted:
-            return str(self.file.resolve()), ()
-        with locate_errors(f"mesh.drawing '{self}'"):
-            return copy.name, Script.read(self.file).write(copy)
-
-
-def _with_origin(reason: str, drawing: str, origins: Sequence[tuple[Path, int]]) -> str:
-    found = re.search(rf"'{re.escape(drawing)}', line (\d+)", reason)
-    if found is None or not 0 < int(found[1]) <= len(origins):
-        return reason
-    file, line = origins[int(found[1]) - 1]
-    return reason.replace(found[0], f"'{file}', line {line}")
+            found = re.search(rf"'{re.escape(drawing)}', line (\d+)", reason)
+            if found and 0 < int(found[1]) <= len(origins):
+                file, line = origins[int(found[1]) - 1]
+                reason = reason.replace(found[0], f"'{file}', line {line}")
+            raise ValueError(f"mesh.drawing '{self}': {reason}")
 
 
 def _error_of(command: list[str], path: Path) -> str:
@@ -111,22 +105,19 @@ def _error_of(command: list[str], path: Path) -> str:
 
 def mesh_in(folder: Path) -> Reader:
     def read(given: Any, location: str) -> Path | Drawing:
-        if isinstance(given, dict):
-            return _drawing(given, location, folder)
-        if given.endswith(SUFFIX):
-            raise ValueError(f'{location} is a drawing, which needs a table: {location} = {{drawing = "{given}"}}.')
-        return folder / given
+        if isinstance(given, str):
+            if given.endswith(SUFFIX):
+                raise ValueError(f'{location} is a drawing, which needs a table: {location} = {{drawing = "{given}"}}.')
+            return folder / given
+        if "drawing" not in given:
+            raise ValueError(f"{location}.drawing is missing; it is required.")
+        name = TEXT(given["drawing"], f"{location}.drawing")
+        if not name.endswith(SUFFIX):
+            raise ValueError(
+                f"{location}.drawing must be a drawing of Gmsh ({SUFFIX}); got {name!r}. A {SUFFIX} file may Merge "
+                "others."
+            )
+        values = {key: NUMBER(value, f"{location}.{key}") for key, value in given.items() if key != "drawing"}
+        return Drawing(folder / name, values)
 
     return Kind((str, dict), f'text in quotes, or {{drawing = "NAME{SUFFIX}", PARAMETER = ...}}', bool, read)
-
-
-def _drawing(given: dict[str, Any], location: str, folder: Path) -> Drawing:
-    if "drawing" not in given:
-        raise ValueError(f"{location}.drawing is missing; it is required.")
-    name = TEXT(given["drawing"], f"{location}.drawing")
-    if not name.endswith(SUFFIX):
-        raise ValueError(
-            f"{location}.drawing must be a drawing of Gmsh ({SUFFIX}); got {name!r}. A {SUFFIX} file may Merge others."
-        )
-    values = {key: NUMBER(value, f"{location}.{key}") for key, value in given.items() if key != "drawing"}
-    return Drawing(folder / name, values)

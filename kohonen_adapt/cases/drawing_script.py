@@ -8,7 +8,7 @@ its letters alone, so comments, long lines and quotation marks could otherwise m
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from shutil import copyfile
 
@@ -32,8 +32,7 @@ QUOTE_MARGIN = " " * 8  # Gmsh overlooks quotation marks in up to six letters af
 
 GEOMETRY = (".step", ".stp", ".iges", ".igs", ".brep", ".brp", ".xao", ".stl")
 SCRIPTS = (".geo", ".geo_unrolled", ".pos")
-MESH_HEADER = b"$MeshFormat"
-VIEW_HEADER = b"$PostFormat"
+HEADERS = {".msh": b"$MeshFormat", ".pos": b"$PostFormat"}  # of meshes and views, of equal length
 
 TOKEN = re.compile(
     r"""(?P<space>[ \t\r\n\f]+|//[^\n]*|/\*.*?\*/)
@@ -132,16 +131,12 @@ class Script:
                     raise name.error("includes itself.", remedy="")
                 self._add(found, root, (file, *above))
             else:
-                self._add_copy(tokens[k:end], name, found)
+                _check_alone(found)
+                copy = f"{len(self.copies)}{found.suffix.lower()}"
+                self.copies[copy] = found
+                renamed = replace(name, text=f'"{copy}"')
+                self.tokens += [renamed if each is name else each for each in tokens[k:end]]
             k = end
-
-    def _add_copy(self, statement: Sequence[Token], name: Token, file: Path) -> None:
-        _check_alone(file)
-        copy = f"{len(self.copies)}{file.suffix.lower()}"
-        self.copies[copy] = file
-        self.tokens += [
-            Token("string", f'"{copy}"', each.file, each.line) if each is name else each for each in statement
-        ]
 
 
 def _check_alone(file: Path) -> None:
@@ -197,12 +192,8 @@ def _file_below(root: Path, name: Token) -> Path:
 def _is_script(file: Path, word: Token) -> bool:
     suffix = file.suffix.lower()
     with file.open("rb") as stream:
-        header = stream.read(len(MESH_HEADER))
-    if (
-        suffix in GEOMETRY
-        or (suffix == ".msh" and header == MESH_HEADER)
-        or (suffix == ".pos" and header == VIEW_HEADER)
-    ):
+        header = stream.read(len(HEADERS[".msh"]))
+    if suffix in GEOMETRY or HEADERS.get(suffix) == header:
         return False
     if suffix not in SCRIPTS:
         raise word.error(f"reads {', '.join((*GEOMETRY, *SCRIPTS))} and .msh; '{file.name}' is none of them.")
@@ -214,7 +205,13 @@ class _Check:
 
     def __init__(self, tokens: Sequence[Token]) -> None:
         self.tokens = tokens
-        self.after_bracket = _after_brackets(tokens)
+        self.after_bracket = dict[int, int]()
+        opened = list[int]()
+        for k, token in enumerate(tokens):
+            if token.text in CLOSING:
+                opened.append(k)
+            elif token.text in CLOSING.values() and opened:
+                self.after_bracket[opened.pop()] = k + 1
         words = [k for k, token in enumerate(tokens) if token.kind == "word"]
         self.defined = {tokens[k].text for k in words if self.text(self.after_indices(k + 1)) in ASSIGNMENTS}
         for k in words:
@@ -268,14 +265,3 @@ class _Check:
         allowed = not assigned or category.text == "Field" or may_set_option(category.text, option)
         if not allowed or category.text in REFUSED - {"Print"}:
             raise category.error(f".{option} is not an option that a drawing may set.")
-
-
-def _after_brackets(tokens: Sequence[Token]) -> dict[int, int]:
-    found = dict[int, int]()
-    opened = list[int]()
-    for k, token in enumerate(tokens):
-        if token.text in CLOSING:
-            opened.append(k)
-        elif token.text in CLOSING.values() and opened:
-            found[opened.pop()] = k + 1
-    return found

@@ -143,27 +143,9 @@ def case_of(given: Options, folder: Path) -> Case:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
         raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
-    problem = _problem({key: value for key, value in values.items() if key == "materials" or key in SPACE | PROBLEM})
-    options, outputs, turns = (values.get(key, {}) for key in ("adapt", "outputs", "turn"))
-    _check_outputs(options.get("output_rtol"), outputs, problem)
-    mesh = values["mesh"]
-    if "trusted" in values:
-        if not isinstance(mesh, Drawing):
-            raise ValueError('trusted is for a drawing, mesh = {drawing = "NAME.geo"}; a mesh file runs nothing.')
-        mesh = replace(mesh, trusted=values["trusted"])
-    return Case(
-        mesh,
-        values.get("scale", 1.0),
-        problem,
-        options,
-        outputs,
-        turns,
-        values.get("rim", ""),
-        values.get("bracket", False),
-    )
-
-
-def _check_outputs(output_rtol: Any, outputs: Options, problem: Any) -> None:
+    problem = _problem({key: values.pop(key) for key in ("materials", *(SPACE | PROBLEM)) if key in values})
+    values = {"scale": 1.0, "adapt": {}, "outputs": {}, **values}
+    outputs, output_rtol = values["outputs"], values["adapt"].get("output_rtol")
     for name in output_rtol if isinstance(output_rtol, Mapping) else ():
         if name not in outputs:
             raise ValueError(
@@ -172,6 +154,11 @@ def _check_outputs(output_rtol: Any, outputs: Options, problem: Any) -> None:
             )
     if problem.goal is not None and "goal" in outputs:
         raise ValueError("outputs.goal: the goal of the case is shown under this name; rename the output.")
+    if "trusted" in values:
+        if not isinstance(values["mesh"], Drawing):
+            raise ValueError('trusted is for a drawing, mesh = {drawing = "NAME.geo"}; a mesh file runs nothing.')
+        values["mesh"] = replace(values["mesh"], trusted=values.pop("trusted"))
+    return Case(base_problem=problem, **values)
 
 
 def _problem(given: Options) -> Magnetostatics | MagneticScalarPotential:

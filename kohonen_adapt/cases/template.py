@@ -120,18 +120,15 @@ def _partition(sets: dict[str, Ints], sizes: dict[str, float], count: int) -> se
 
     One choice begins with the smallest subdomain, the other with the largest.
     """
-    order = sorted(sets, key=sizes.__getitem__)
-    found = [_disjoint(sets, names, count) for names in (order, order[::-1])]
+    order, found = sorted(sets, key=sizes.__getitem__), list[set[str]]()
+    for names in (order, order[::-1]):
+        taken, chosen = np.zeros(count, bool), set()
+        for name in names:
+            if len(sets[name]) and not taken[sets[name]].any():
+                taken[sets[name]] = True
+                chosen.add(name)
+        found.append(chosen)
     return max(found, key=lambda names: sum(map(sizes.__getitem__, names)))
-
-
-def _disjoint(sets: dict[str, Ints], names: list[str], count: int) -> set[str]:
-    taken, chosen = np.zeros(count, bool), set()
-    for name in names:
-        if len(sets[name]) and not taken[sets[name]].any():
-            taken[sets[name]] = True
-            chosen.add(name)
-    return chosen
 
 
 def _potential(mesh: Mesh) -> Iterator[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from skfem import MeshTri
 
-from kohonen_adapt.arrays import DataFunction, Floats, Mask, grouped
+from kohonen_adapt.arrays import DataFunction, Floats, grouped
 from kohonen_adapt.cases.readers import NUMBER, TEXT, list_of, read_table, table_of
 from kohonen_adapt.magnetostatics.materials.material import Material, Vector
 from kohonen_adapt.mesh.host import set_boundaries
@@ -81,23 +81,21 @@ def turned_materials(materials: Mapping[str, Material], mesh: MeshTri, turn: Tur
     """
     found = dict(materials)
     for names, degrees in turn.items():
-        turns = elements_in(mesh, names)
-        found = {key: _turned(key, each, mesh, turns, Rotation(radians(degrees))) for key, each in found.items()}
+        turns, rotation = elements_in(mesh, names), Rotation(radians(degrees))
+        for name, material in found.items():
+            inside = turns[(mesh.subdomains or {}).get(name, np.zeros(0, int))]
+            vectors = {"remanence": material.remanence, "coercivity": material.coercivity}
+            magnetic = {key: each for key, each in vectors.items() if each is not None and each != (0.0, 0.0)}
+            if not magnetic or not inside.any():
+                continue
+            if not inside.all():
+                raise ValueError(
+                    f"the magnet {name!r} must turn as a whole or not at all; only a part of it is in the turned "
+                    "subdomain."
+                )
+            now: dict[str, Any] = {key: _turned_vector(vector, rotation) for key, vector in magnetic.items()}
+            found[name] = replace(material, **now)
     return found
-
-
-def _turned(name: str, material: Material, mesh: MeshTri, turns: Mask, rotation: Rotation) -> Material:
-    elements = (mesh.subdomains or {}).get(name, np.zeros(0, int))
-    vectors = {"remanence": material.remanence, "coercivity": material.coercivity}
-    magnetic = {key: each for key, each in vectors.items() if each is not None and each != (0.0, 0.0)}
-    if not magnetic or not turns[elements].any():
-        return material
-    if not turns[elements].all():
-        raise ValueError(
-            f"the magnet {name!r} must turn as a whole or not at all; only a part of it is in the turned subdomain."
-        )
-    now: dict[str, Any] = {key: _turned_vector(vector, rotation) for key, vector in magnetic.items()}
-    return replace(material, **now)
 
 
 def _turned_vector(vector: Vector, rotation: Rotation) -> Vector:

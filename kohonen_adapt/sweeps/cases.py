@@ -46,7 +46,16 @@ def list_cases(given: Any) -> list[Case]:
         raise ValueError(
             f"cases must be a sequence of mappings, or a mapping of names to sequences of values; got {given!r}."
         )
-    rows = _grid(given) if isinstance(given, Mapping) else list(given)
+    rows: list[Any] = []
+    if not isinstance(given, Mapping):
+        rows = list(given)
+    elif given:
+        for name, each in given.items():
+            if not isinstance(each, Iterable) or isinstance(each, str | bytes | Mapping):
+                raise ValueError(
+                    f"cases[{name!r}] must be a sequence of values; got {each!r}. One value is a list of one."
+                )
+        rows = [dict(zip(given, row, strict=True)) for row in product(*given.values())]
     if not rows:
         raise ValueError("cases must be one case at least; got none.")
     cases = [_case(number, row) for number, row in enumerate(rows)]
@@ -57,13 +66,6 @@ def list_cases(given: Any) -> list[Case]:
                 f"{', '.join(case)}."
             )
     return [{name: case[name] for name in cases[0]} for case in cases]
-
-
-def _grid(values: Mapping[str, Any]) -> list[Case]:
-    for name, each in values.items():
-        if not isinstance(each, Iterable) or isinstance(each, str | bytes | Mapping):
-            raise ValueError(f"cases[{name!r}] must be a sequence of values; got {each!r}. One value is a list of one.")
-    return [dict(zip(values, row, strict=True)) for row in product(*values.values())] if values else []
 
 
 def _case(number: int, given: Any) -> Case:
@@ -110,23 +112,22 @@ class Outcome:
 def compute(function: Callable[..., Any], case: Case) -> Outcome:
     start = time.perf_counter()
     try:
-        outputs = _outputs(function(**case), case)
+        returned = function(**case)
+        given = returned if isinstance(returned, Mapping) else {VALUE: returned}
+        kinds = SupportsFloat | str if given is returned else SupportsFloat
+        for name, value in given.items():
+            if not isinstance(name, str) or not isinstance(value, kinds):
+                raise TypeError(
+                    f"the function must return a number, or names and their numbers or texts; got {returned!r}."
+                )
+            if name in ("", SECONDS, *case):
+                raise ValueError(
+                    f"the function must name its outputs otherwise than parameters and seconds; got {name!r}."
+                )
+        outputs = {name: value if isinstance(value, str) else float(value) for name, value in given.items()}
     except (Exception, SystemExit) as error:
         return Outcome({}, time.perf_counter() - start, _portable(error))
     return Outcome(outputs, time.perf_counter() - start)
-
-
-def _outputs(returned: Any, case: Case) -> Outputs:
-    given = returned if isinstance(returned, Mapping) else {VALUE: returned}
-    kinds = SupportsFloat | str if given is returned else SupportsFloat
-    for name, value in given.items():
-        if not isinstance(name, str) or not isinstance(value, kinds):
-            raise TypeError(
-                f"the function must return a number, or names and their numbers or texts; got {returned!r}."
-            )
-        if name in ("", SECONDS, *case):
-            raise ValueError(f"the function must name its outputs otherwise than parameters and seconds; got {name!r}.")
-    return {name: value if isinstance(value, str) else float(value) for name, value in given.items()}
 
 
 def _portable(error: BaseException) -> Exception:

@@ -51,7 +51,13 @@ class SweepFolder:
         if (path / ABOUT).exists():
             with _reading(path / ABOUT):
                 before = dict(json.loads((path / ABOUT).read_bytes()))
-            _check(path, before, now=about)
+            differing = [key for key in about if json.dumps(before.get(key)) != json.dumps(about[key])]
+            if differing:
+                raise ValueError(
+                    f"the folder '{path}' is of another sweep: its {' and '.join(differing)} differ (it was begun with "
+                    f"{before.get('function')}, this is {name}). Go on with what it was begun with, or choose another "
+                    "folder."
+                )
         else:
             _write(path / ABOUT, about)
         return cls(path)
@@ -83,16 +89,6 @@ def _code(code: CodeType) -> str:
         for each in code.co_consts
     ]
     return repr((code.co_code, code.co_names, constants))
-
-
-def _check(folder: Path, before: dict[str, Any], now: dict[str, Any]) -> None:
-    differing = [name for name in now if json.dumps(before.get(name)) != json.dumps(now[name])]
-    if differing:
-        raise ValueError(
-            f"the folder '{folder}' is of another sweep: its {' and '.join(differing)} differ (it was begun with "
-            f"{before.get('function')}, this is {now['function']}). Go on with what it was begun with, or choose "
-            "another folder."
-        )
 
 
 def _outcome(file: Path) -> Outcome:

@@ -94,15 +94,13 @@ class LocalPool(Executor):
     def _answer(self, call: Callable[[], Any]) -> Any:
         number = self._idle.get()
         try:
-            return self._living(number).answer(call)
+            with self._lock:
+                if not self._ended and not self._workers[number].process.is_alive():
+                    self._workers[number] = _Worker(self._share)
+                worker = self._workers[number]
+            return worker.answer(call)
         finally:
             self._idle.put(number)
-
-    def _living(self, number: int) -> "_Worker":
-        with self._lock:
-            if not self._ended and not self._workers[number].process.is_alive():
-                self._workers[number] = _Worker(self._share)
-            return self._workers[number]
 
 
 class _Worker:
@@ -122,19 +120,16 @@ class _Worker:
             result, refused = self._line.recv()
         except (EOFError, OSError):
             self.process.join()
-            raise self._ending() from None
+            code = self.process.exitcode
+            if self._begun:
+                raise RuntimeError(f"the process that computed it ended with exit code {code}.") from None
+            raise CannotBeginError(
+                f"the processes of a sweep end with exit code {code} as they begin. They import the script that "
+                'started them: it must begin a sweep only below `if __name__ == "__main__":`.'
+            ) from None
         if refused:
             raise CannotBeginError(f"function must be one that other processes can import: {refused}. {REMEDY}")
         return result
-
-    def _ending(self) -> Exception:
-        code = self.process.exitcode
-        if self._begun:
-            return RuntimeError(f"the process that computed it ended with exit code {code}.")
-        return CannotBeginError(
-            f"the processes of a sweep end with exit code {code} as they begin. They import the script that started "
-            'them: it must begin a sweep only below `if __name__ == "__main__":`.'
-        )
 
 
 @contextmanager

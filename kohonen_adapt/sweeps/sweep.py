@@ -90,7 +90,16 @@ def sweep(
     ...     result = ka.sweep(product, {"x": range(100), "y": [0.5]}, executor=client.get_executor(), folder="cases")
     """
     listed = list_cases(cases)
-    _check(function, executor, progress)
+    if not callable(function):
+        raise ValueError(f"function must be one that takes the parameters of a case; got {function!r}.")
+    if executor is not None and not isinstance(executor, Executor):
+        raise ValueError(
+            f"executor must be a concurrent.futures.Executor, or None; got {executor!r}. Of a Dask client it is "
+            "client.get_executor()."
+        )
+    check_hook("progress", progress, "the number of cases that are done and that of all")
+    if executor is None or isinstance(executor, LocalPool | ProcessPoolExecutor):
+        check_pickled(function)
     store = None if folder is None else SweepFolder.at(folder, function, listed)
     outcomes = store.finished(len(listed)) if store else {}
 
@@ -111,19 +120,6 @@ def sweep(
         with LocalPool(compile_missing, count) if executor is None else nullcontext(executor) as engine:
             _compute(engine, function, missing, ended)
     return tabulated(listed, [outcomes[number] for number in range(len(listed))])
-
-
-def _check(function: Any, executor: Any, progress: Any) -> None:
-    if not callable(function):
-        raise ValueError(f"function must be one that takes the parameters of a case; got {function!r}.")
-    if executor is not None and not isinstance(executor, Executor):
-        raise ValueError(
-            f"executor must be a concurrent.futures.Executor, or None; got {executor!r}. Of a Dask client it is "
-            "client.get_executor()."
-        )
-    check_hook("progress", progress, "the number of cases that are done and that of all")
-    if executor is None or isinstance(executor, LocalPool | ProcessPoolExecutor):
-        check_pickled(function)
 
 
 def _compute(
