@@ -7,9 +7,8 @@ import shlex
 import sys
 import warnings
 from collections import ChainMap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -128,7 +127,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         terminal.say(f"Continuing after pass {finished - 1}, the last finished pass in {folder}.")
     resume = ["kohonen-adapt", "run", str(arguments.case), *text, "--resume", str(folder)]
     terminal.say(f"The best pass so far is always in {folder}. To continue after an interruption: {shlex.join(resume)}")
-    _say_lines(terminal, plan_lines(case, mesh))
+    terminal.say(*plan_lines(case, mesh))
     result = run.result()
     terminal.say(result)
     # a resumed run has only the meshes
@@ -138,7 +137,7 @@ def _run(arguments: argparse.Namespace, terminal: Terminal) -> int:
         bracket = bracket_of(case.problem, result.solution)
     pictures = drawn(terminal, folder, lambda: write_pictures(case, before, result, folder, text, bracket))
     terminal.say(f"Files in {folder}: {', '.join([*results_of(result), *(pictures or [])])}.")
-    _say_lines(terminal, (goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result)))
+    terminal.say(goal_sentence(result.best), *bracket_sentences(bracket), curve_sentence(case, result))
     if failed:
         terminal.complain(result.message)
     terminal.repeat_warnings()
@@ -157,14 +156,8 @@ def _read_mesh(case: Case, path: Path, terminal: Terminal) -> Mesh:
 def _say_plan(case: Case, mesh: Mesh, path: Path, terminal: Terminal) -> int:
     found = f"{counted(len(terminal.warnings), 'warning')}, see above" if terminal.warnings else "no faults found"
     terminal.say(f"{path}: {found}; '{case.mesh}' has {mesh.nvertices} nodes.")
-    _say_lines(terminal, (*coil_sentences(case), *plan_lines(case, mesh)))
+    terminal.say(*coil_sentences(case), *plan_lines(case, mesh))
     return DONE
-
-
-def _say_lines(terminal: Terminal, lines: Iterable[str]) -> None:
-    for line in lines:
-        if line:
-            terminal.say(line)
 
 
 @dataclass
@@ -217,15 +210,14 @@ def _check(arguments: argparse.Namespace, terminal: Terminal) -> int:
     check_mesh(mesh, inverted=True)
     corners = corners_of(mesh)
     groups = read_groups(arguments.mesh, scale=arguments.scale)
-    _say_lines(terminal, [*described(corners), *points_described(groups)])
+    terminal.say(*described(corners), *points_described(groups))
     found = list(faults(corners))
     surfaces = dict(ChainMap(*arguments.surfaces))
     lines, hinted = moving(mesh, surfaces)
-    all_hints = chain(hints_of_mesh(corners, arguments.scale), hinted)
-    _say_lines(terminal, [*lines, *(f"hint: {hint}" for hint in all_hints)])
+    terminal.say(*lines, *(f"hint: {hint}" for hint in (*hints_of_mesh(corners, arguments.scale), *hinted)))
     if arguments.nodes:
-        _say_lines(terminal, held_described(mesh, surfaces))
-    _say_lines(terminal, (f"- {fault}" for fault in found))
+        terminal.say(*held_described(mesh, surfaces))
+    terminal.say(*(f"- {fault}" for fault in found))
     terminal.say(f"{counted(len(found), 'fault')} found." if found else "No faults found.")
     return FAILED if found else DONE
 

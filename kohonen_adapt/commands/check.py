@@ -95,11 +95,9 @@ def doubtful_patches(movable: MovableSolid) -> Iterator[str]:
         more = ", ..." if len(names) > NAMED else ""
         where = f" in {', '.join(names[:NAMED])}{more}" if names else ""
         yield (
-            f"{np.sum(small)} plane surfaces of one or two faces{where}: their nodes do not move. If they are parts "
-            "of a "
-            'curved surface, specify it with --surfaces, in Python surfaces={"NAME": ka.Cylinder(point, axis, '
-            "radius)}, "
-            "or ka.Sphere, ka.Cone."
+            f"{np.sum(small)} plane surfaces of one or two faces{where}: their nodes do not move. If they are parts of "
+            'a curved surface, specify it with --surfaces, in Python surfaces={"NAME": ka.Cylinder(point, axis, '
+            "radius)}, or ka.Sphere, ka.Cone."
         )
 
 
@@ -126,8 +124,8 @@ def described(mesh: Mesh) -> list[str]:
 
 
 def points_described(groups: Groups) -> list[str]:
-    places = {name: ", ".join(map(point_text, points.T)) for name, points in sorted(groups.places.items())}
-    return [f"point '{name}': {shown} m" for name, shown in places.items()]
+    places = sorted(groups.places.items())
+    return [f"point '{name}': {', '.join(map(point_text, points.T))} m" for name, points in places]
 
 
 def _memberships(mesh: Mesh) -> Mask:
@@ -140,10 +138,8 @@ def _memberships(mesh: Mesh) -> Mask:
 
 def unions(mesh: Mesh) -> dict[str, list[str]]:
     # The subdomains that consist of others: all that turns in a machine, or a second name. They need no material.
-    sets, found = (
-        {name: set(rows.tolist()) for name, rows in named_sets(mesh.subdomains).items()},
-        dict[str, list[str]](),
-    )
+    sets = {name: set(rows.tolist()) for name, rows in named_sets(mesh.subdomains).items()}
+    found = dict[str, list[str]]()
     for name in sorted(sets, key=lambda name: len(sets[name]), reverse=True):
         parts = [other for other in sets if other not in (name, *found) and sets[other] <= sets[name]]
         if parts and set.union(*(sets[part] for part in parts)) == sets[name]:

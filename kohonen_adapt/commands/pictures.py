@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Texts
+from kohonen_adapt.arrays import Floats, Texts
 from kohonen_adapt.cases.case import Case
 from kohonen_adapt.commands.plan import plan_sentence
 from kohonen_adapt.display import lattice
@@ -21,7 +21,7 @@ from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.single_steps import reasons_at
 from kohonen_adapt.magnetostatics.hypercircle import Bracket
 from kohonen_adapt.magnetostatics.problem import Magnetostatics
-from kohonen_adapt.mesh.cells import centroids_of
+from kohonen_adapt.mesh.cells import centroids_of, width_of
 from kohonen_adapt.mesh.measures import magnitude
 from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.report.scene import FieldOf
@@ -60,16 +60,15 @@ def write_pictures(
 ) -> list[str]:
     """Draw the pictures, write the report and return the names of the files.
 
-    Without matplotlib a report without pictures is written before the error. `options` are those of the command.
+    If they cannot be drawn, as without matplotlib, the report has none. `options` are those of the command.
     """
     command = shlex.join(["kohonen-adapt", "run", case.file or "CASE.toml", *options, "--out", folder.name or "."])
+    names = list[str]()
     try:
-        names = _draw(case, before, after, folder)
-    except ModuleNotFoundError:
-        _write_report(folder / REPORT, case, before, after, {}, command, bracket)
-        raise
-    pictures = {CAPTIONS[name]: folder / name for name in names}
-    _write_report(folder / REPORT, case, before, after, pictures, command, bracket)
+        names += _draw(case, before, after, folder)
+    finally:
+        pictures = {CAPTIONS[name]: folder / name for name in names}
+        _write_report(folder / REPORT, case, before, after, pictures, command, bracket)
     return [*names, REPORT]
 
 
@@ -117,13 +116,18 @@ def _draw(case: Case, before: AdaptResult, after: AdaptResult, folder: Path) -> 
 def _overview(case: Case, before: AdaptResult, after: AdaptResult) -> Any:
     from kohonen_adapt import plotting
 
-    potential, magnitude = _lines_and_colours(after.solution)
+    field = after.solution
+    if len(after.mesh.p) == 3:
+        potential, size = field.potential[: field.mesh.nvertices], _magnitude(field)
+    else:
+        potential = _potential(field, flux=field.axisymmetric, by_corners=1)
+        size = _magnitude(field, field.elements.order)
     unit = (case.problem.goal_unit or case.energy_unit).replace(" ", r"\ ")  # mathtext drops spaces
     return plotting.adaptation_figure(
         before,
         after,
         potential=potential,
-        magnitude=magnitude,
+        magnitude=size,
         magnitude_label="flux density |B| (T)",
         indicator_label=f"error indicator of an element, $\\sqrt{{\\mathrm{{{unit}}}}}$",
         lines_title="Flux lines" if len(after.mesh.p) == 2 else "Potential",
@@ -201,17 +205,11 @@ def _magnitude(field: Any, divisions: int = 0) -> Floats:
     return np.hypot(*field.at_each(share).flux_density).reshape(share.shape[1], -1)
 
 
-def _lines_and_colours(field: Any) -> FloatsPair:
-    if len(field.mesh.p) == 3:
-        return field.potential[: field.mesh.nvertices], _magnitude(field)
-    return _potential(field, flux=field.axisymmetric, by_corners=1), _magnitude(field, field.elements.order)
-
-
 def _view(case: Case, result: AdaptResult) -> dict[str, Any]:
     # arguments of drawings; solids are cut through the maximum of the flux density
     mesh, plane = result.mesh, None
     if len(mesh.p) == 3:
         x, y, z = centroids_of(mesh, np.argmax(_magnitude(result.solution))).tolist()
         plane = Plane((x, y, z), (0.0, 1.0, 0.0))
-    unit = "mm" if np.ptp(mesh.p, axis=1).max() < MILLIMETRES else "m"
+    unit = "mm" if width_of(mesh) < MILLIMETRES else "m"
     return {"plane": plane, "unit": unit, "axisymmetric": case.axisymmetric}

@@ -61,8 +61,8 @@ def coil_sentences(case: Case) -> Iterator[str]:
 
 def case_hints(case: Case) -> Iterator[str]:
     problem = case.problem
-    in_plane = problem.ampere_turns or {} if isinstance(problem, Magnetostatics) else {}
-    currents = {**in_plane, **{name: coil.ampere_turns for name, coil in case.coils.items()}}
+    currents = {name: coil.ampere_turns for name, coil in case.coils.items()}
+    currents |= getattr(problem, "ampere_turns", None) or {}
     if idle := [name for name, current in currents.items() if current == 0.0]:
         yield f"ampere_turns of {listed(idle)} is 0, so that no current flows there."
     sources: list[Any] = [
@@ -175,7 +175,7 @@ def case_doubts(case: Case, mesh: Mesh) -> Iterator[str]:
                 f"coil '{name}' has {density:.4g} A/m^2, and windings have about 10^6: check its ampere_turns, in A, "
                 "and its section, in m."
             )
-    depth = problem.depth if isinstance(problem, Magnetostatics) else None
+    depth = getattr(problem, "depth", None)
     if depth is not None and depth > LONG:
         yield f"depth is {depth:g} m: that looks like millimetres. If so, write {depth / 1e3:g}."
 

@@ -4,7 +4,6 @@ import argparse
 import re
 from collections import ChainMap
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from skfem import MeshTri
@@ -46,13 +45,17 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     out = arguments.out
     remove_drafts(writable_folder(out.parent))
     meaning, text = next((key, text) for key in MEANINGS if (text := getattr(arguments, key)) is not None)
-    file, name = _source(text, f"--{meaning}")
+    if not (source := SOURCE.fullmatch(text)):
+        others = ", ".join(FIELD_SUFFIXES[1:])
+        raise ValueError(
+            f"--{meaning} expected FIELD.vtu:name, a file (.vtu, {others}) and the name of a field; got '{text}'."
+        )
     if out.suffix.lower() not in (*WRITTEN, ""):
         raise ValueError(f"--out expected a file that ends in {', '.join(WRITTEN)}; got '{out.name}'.")
     terminal.show("read")
     mesh, groups = read_mesh(arguments.mesh), read_groups(arguments.mesh)
     check_names_written(mesh)
-    density = MEANINGS[meaning](mesh, read_field(file, mesh, name, scale=arguments.scale))
+    density = MEANINGS[meaning](mesh, read_field(source[1], mesh, source[2], scale=arguments.scale))
     terminal.show("relocate")
     after = relocate(
         mesh,
@@ -70,16 +73,6 @@ def relocate_file(arguments: argparse.Namespace, terminal: Terminal) -> int:
     worst = [f"{quality(each).min():.2f}" for each in (mesh, after)]
     terminal.say(f"Wrote {out}: {after.nvertices} nodes, worst quality {worst[1]}; before {worst[0]}.")
     return 0
-
-
-def _source(text: str, option: str) -> tuple[Path, str | None]:
-    found = SOURCE.fullmatch(text)
-    if not found:
-        others = ", ".join(FIELD_SUFFIXES[1:])
-        raise ValueError(
-            f"{option} expected FIELD.vtu:name, a file (.vtu, {others}) and the name of a field; got '{text}'."
-        )
-    return Path(found[1]), found[2]
 
 
 def _number_or_name(word: str) -> Any:

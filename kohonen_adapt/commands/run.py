@@ -53,10 +53,6 @@ class CaseRun:
     report: Callable[[AdaptResult], Any]
     _written: MeshTri | None = field(default=None, init=False)
 
-    @property
-    def passes(self) -> Path:
-        return self.folder / PASSES
-
     def begin(self, resume: bool, force: bool) -> int:
         """Prepare the folder for a new or a resumed run, and return the finished passes.
 
@@ -70,26 +66,21 @@ class CaseRun:
         OSError
             If files cannot be removed.
         """
-        check_resumed(self.passes, resume, "run")
+        passes = self.folder / PASSES
+        check_resumed(passes, resume, "run")
+        files = sorted(passes.glob("pass-*.npz"))
         if not resume:
-            self._remove_run(force)
-        self.passes.mkdir(exist_ok=True)
+            there = [name for name in (MESH, FIELDS, INSIDE, HISTORY) if (self.folder / name).exists()]
+            if (files or there) and not force:
+                raise FileExistsError(
+                    f"'{self.folder}' has the result of a run: continue with --resume {self.folder}, overwrite with "
+                    "--force, or choose another folder."
+                )
+            while files:  # in reverse, so that an interruption leaves a valid run
+                files.pop().unlink()
+        passes.mkdir(exist_ok=True)
         remove_drafts(self.folder)  # `adapt` cleans the folder of the passes
-        return len(self._files())
-
-    def _files(self) -> list[Path]:
-        return sorted(self.passes.glob("pass-*.npz"))
-
-    def _remove_run(self, force: bool) -> None:
-        files = self._files()
-        there = [name for name in (MESH, FIELDS, INSIDE, HISTORY) if (self.folder / name).exists()]
-        if (files or there) and not force:
-            raise FileExistsError(
-                f"'{self.folder}' has the result of a run: continue with --resume {self.folder}, overwrite with "
-                "--force, or choose another folder."
-            )
-        for file in reversed(files):  # in reverse, so that an interruption leaves a valid run
-            file.unlink()
+        return len(files)
 
     def result(self) -> AdaptResult:
         case = self.case
@@ -99,7 +90,7 @@ class CaseRun:
             outputs=case.labelled_outputs or None,
             interim=self._interim,
             progress=self.progress,
-            checkpoint=self.passes,
+            checkpoint=self.folder / PASSES,
             **case.options(self.mesh),
         )
         if self._written is not result.mesh or result.best.goal is not None:

@@ -26,7 +26,6 @@ from kohonen_adapt.commands.terminal import Terminal, drawn
 from kohonen_adapt.files import remove_drafts, save_figure, write_whole
 from kohonen_adapt.loop.adapt import adapt
 from kohonen_adapt.loop.figures import with_unit
-from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.loop.settings import Tolerance
 from kohonen_adapt.precompile import compile_missing
 from kohonen_adapt.sweeps.cases import ASKED, ERROR, SECONDS, SweepResult
@@ -83,27 +82,21 @@ class CaseOutputs:
         if result.error:
             raise result.error
         tolerance = Tolerance(**{each.name: options.get(each.name) for each in fields(Tolerance)})
-        return with_errors(result, tolerance) | {
-            STATUS: result.status.value,
-            MISSED: ", ".join(tolerance.missed(result.best)),
-        }
+        best = result.best
+        # errors that are not known, or not limited, are left out
+        found, asked = dict[str, float | str](), tolerance.of_values(best)
+        for name, each in result.outputs.items():
+            label = with_unit(name, best) if name == "goal" else name
+            found[label] = each.value
+            found |= {} if each.error is None else {f"{ERROR}{label}": each.error}
+            found |= {f"{ASKED}{label}": asked[name]} if name in asked else {}
+        return found | {STATUS: result.status.value, MISSED: ", ".join(tolerance.missed(best))}
 
     def case(self, values: Mapping[str, float]) -> Case:
         given = with_options(tomllib.loads(self.text), self.options)
         for name, value in values.items():
             given = _merged(given, _table(name, value))
         return case_of(given, self.file.parent)
-
-
-def with_errors(result: AdaptResult, tolerance: Tolerance) -> dict[str, float | str]:
-    # errors that are not known, or not limited, are left out
-    found, asked = dict[str, float | str](), tolerance.of_values(result.best)
-    for name, each in result.outputs.items():
-        label = with_unit(name, result.best) if name == "goal" else name
-        found[label] = each.value
-        found |= {} if each.error is None else {f"{ERROR}{label}": each.error}
-        found |= {f"{ASKED}{label}": asked[name]} if name in asked else {}
-    return found
 
 
 def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
@@ -132,17 +125,12 @@ def sweep_case(arguments: argparse.Namespace, terminal: Terminal) -> int:
     picture = drawn(terminal, folder, lambda: _draw(result, folder), "the picture")
     terminal.say(f"Files in {folder}: {', '.join([TABLE, SUMMARY, *(picture or [])])}.")
     failed, count = sum(error is not None for error in result.errors), len(result.errors)
-    if missed := _missed(result):
+    every = result.table[MISSED].tolist() if MISSED in result.outputs else []  # in no row if every case failed
+    if missed := [f"case {number} ({each})" for number, each in enumerate(every) if each]:
         terminal.warn(f"{len(missed)} of {count} cases missed a tolerance: {'; '.join(missed)}.")
     if failed:
         terminal.complain(f"{failed} of {count} cases failed; --resume tries them again.")
     return int(failed > 0)
-
-
-def _missed(result: SweepResult) -> list[str]:
-    if MISSED not in result.outputs:  # every case failed
-        return []
-    return [f"case {number} ({each})" for number, each in enumerate(result.table[MISSED].tolist()) if each]
 
 
 def records(result: SweepResult) -> Iterator[dict[str, Any]]:

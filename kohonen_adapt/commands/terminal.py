@@ -31,9 +31,10 @@ class Terminal(logging.Handler):
         self._shown = 0  # columns of the step
         self.warnings = list[str]()
 
-    def say(self, text: object) -> None:
-        if not self._quiet:
-            self._write_line(text, sys.stdout)
+    def say(self, *texts: object) -> None:
+        for text in texts:
+            if text and not self._quiet:
+                self._write_line(text, sys.stdout)
 
     def complain(self, text: object) -> None:
         self._write_line(f"kohonen-adapt: {text}", sys.stderr)
