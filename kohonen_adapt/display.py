@@ -11,7 +11,7 @@ from skfem import Mesh, MeshTri
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.checks import as_reals
 from kohonen_adapt.mesh.curved import Isoparametric, midside_offsets, offsets_of_sides
-from kohonen_adapt.mesh.names import codes_of_names, named_sets
+from kohonen_adapt.mesh.names import labelled, named_sets
 
 __all__ = [
     "PARTS",
@@ -53,9 +53,9 @@ def in_unit(unit: str) -> float:
 
 
 def outlined_facets(mesh: MeshTri) -> Ints:
-    codes = codes_of_names([(rows, 0) for rows in named_sets(mesh.subdomains).values()], mesh.nelements)
+    number, _ = labelled(named_sets(mesh.subdomains), mesh.nelements)
     one, other = mesh.f2t
-    return np.flatnonzero((other < 0) | (codes[one] != codes[other]))
+    return np.flatnonzero((other < 0) | (number[one] != number[other]))
 
 
 def straight_and_curved(mesh: MeshTri, facets: Ints) -> tuple[Ints, Floats]:

@@ -105,7 +105,10 @@ def plot_convergence(histories: Mapping[str, Sequence[Pass]], *, slope: float = 
     of_one_order = [step.order == first[0].order for step in first]
     needed = _draw_slopes(axes, nodes[of_one_order], errors[of_one_order], slope)
     axes.set(xscale="log", yscale="log" if any(np.any(errors > 0.0) for _, errors in drawn) else "linear")
-    axes.set(xlim=_span_of(np.concatenate([needed, *(nodes for nodes, _ in drawn)])))
+    every = np.concatenate([needed, *(nodes for nodes, _ in drawn)])
+    low, high = every.min() / 1.3, every.max() * 1.3
+    margin = max(1.0, SPREAD * low / high) ** 0.5
+    axes.set(xlim=(low / margin, high * margin))
     axes.set(xlabel="nodes N", ylabel=_label(passes), title=f"{estimate_word(passes).capitalize()} over nodes")
     _number_axes(axes)
     _rule(axes)
@@ -138,28 +141,22 @@ def _norms(history: Sequence[Pass], percent: bool) -> Floats:
     return np.array([0.01 * (step.energy_norm or 1.0) if percent else 1.0 for step in history])
 
 
-def _span_of(nodes: Floats) -> tuple[float, float]:
-    low, high = nodes.min() / 1.3, nodes.max() * 1.3
-    margin = max(1.0, SPREAD * low / high) ** 0.5
-    return float(low / margin), float(high * margin)
-
-
-def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> Floats:
+def _draw_slopes(axes: Axes, nodes: Floats, errors: Floats, slope: float) -> list[float]:
     positive = np.flatnonzero(errors > 0.0)
     if not positive.size:
-        return np.empty(0)
+        return []
     first, best = int(positive[0]), int(positive[np.argmin(errors[positive] * nodes[positive] ** -slope)])
     _draw_slope(axes, (nodes[first], errors[first]), slope, (0, (5, 3)), "first pass")
     if best == first:
-        return np.empty(0)
+        return []
     _draw_slope(axes, (nodes[best], errors[best]), slope, "dotted", "best pass")
     if nodes[best] != nodes[first]:
-        return np.empty(0)
+        return []
     needed = nodes[first] * (errors[best] / errors[first]) ** (1.0 / slope)
     axes.plot([nodes[best], needed], [errors[best]] * 2, color="0.45", linewidth=0.8, zorder=1)
     label = f"the error of the best at $N^{{{slope:g}}}$: {needed:.4g} nodes"
     axes.plot(needed, errors[best], "o", color="0.3", markerfacecolor="white", label=label, zorder=3)
-    return np.array([needed])
+    return [needed]
 
 
 def _draw_slope(axes: Axes, through: tuple[float, float], slope: float, style: Any, where: str) -> None:

@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import ArrayLike
 
-from kohonen_adapt.arrays import Array
 from kohonen_adapt.loop.result import AdaptResult
 from kohonen_adapt.mesh.slicing import CutBy
 from kohonen_adapt.plotting.charts import draw_passes
@@ -124,37 +122,30 @@ def sweep_figure(result: SweepResult) -> Figure:
     rows = -(-len(outputs) // columns)
     figure = Figure(figsize=(5.5 * columns, 4.5 * rows), dpi=100, layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    first, curves = result.parameters[0], _curves(result)
+    colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
+    named = set(np.linspace(0, len(curves) - 1, min(NAMED, len(curves))).round().astype(int).tolist())
     for axes, output in zip(panels, outputs, strict=False):
-        _draw_output(axes, result, output)
+        for number, ((label, cases), colour) in enumerate(zip(curves.items(), colours, strict=True)):
+            x, y, error = result.table[first][cases], result.table[output][cases], f"{ERROR}{output}"
+            axes.plot(x, y, "o-", color=colour, label=label if number in named else None, markersize=4)
+            if error in result.outputs:
+                axes.errorbar(x, y, np.abs(result.table[error][cases]), fmt="none", ecolor=colour, capsize=3)
+        axes.set(xlabel=first, ylabel=output)
+        axes.grid(alpha=0.3)
+        if len(curves) > 1:
+            axes.legend(fontsize="small")
     for axes in panels[len(outputs) :]:
         axes.remove()
     return figure
 
 
-def _draw_output(axes: Axes, result: SweepResult, output: str) -> None:
-    first = result.parameters[0]
-    curves = _curves(result)
-    colours = colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))
-    named = set(np.linspace(0, len(curves) - 1, min(NAMED, len(curves))).round().astype(int).tolist())
-    for number, ((label, cases), colour) in enumerate(zip(curves.items(), colours, strict=True)):
-        x, y, error = result.table[first][cases], result.table[output][cases], f"{ERROR}{output}"
-        axes.plot(x, y, "o-", color=colour, label=label if number in named else None, markersize=4)
-        if error in result.outputs:
-            axes.errorbar(x, y, np.abs(result.table[error][cases]), fmt="none", ecolor=colour, capsize=3)
-    axes.set(xlabel=first, ylabel=output)
-    axes.grid(alpha=0.3)
-    if len(curves) > 1:
-        axes.legend(fontsize="small")
-
-
 def _curves(result: SweepResult) -> dict[str, list[int]]:
     first, *others = result.parameters
     found: dict[str, list[int]] = {}
-    for number in _order(result.table[first]):
+    values = result.table[first]
+    order = np.argsort(values, kind="stable").tolist() if values.dtype.kind in "bif" else range(values.size)
+    for number in order:
         shared = [f"{name} = {shown(result.table[name][number])}" for name in others]
         found.setdefault(", ".join(shared), []).append(number)
     return found
-
-
-def _order(values: Array) -> list[int]:
-    return np.argsort(values, kind="stable").tolist() if values.dtype.kind in "bif" else list(range(values.size))

@@ -4,7 +4,7 @@ A curve segment from corner to corner is called a chain.
 """
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from textwrap import fill
 
 import numpy as np
@@ -99,7 +99,14 @@ def plot_outlines(
     _draw_chains(axes, outline, _colours(ends, chain, len(outline.curve_index)), np.bincount(chain), unit)
     freedoms = outline.nodes_by_freedom()
     size = float(np.clip(120.0 / np.sqrt(max(int(np.sum(~freedoms["free"])), 1)), 1.5, 6.0))  # of a square
-    _draw_constraints(axes, freedoms, position, size)
+    looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
+    for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
+        if mask.any():
+            axes.plot(
+                *position[mask].T, marker, color=face, markeredgecolor="black" if face == "white" else face,
+                markersize=width, label=f"{counted(int(np.sum(mask)), 'node')} {label}", zorder=3,
+                markeredgewidth=0.8 if marker == "s" else 0.0, rasterized=True,
+            )  # fmt: skip
     why = without_turns(np.array(with_pins(reasons_in_plane(movable), mesh, pinned), np.str_))
     _draw_reasons(axes, why, freedoms["fixed"], position, size)
     sagitta = in_unit(unit) * outline.farthest(triangulation)[0]
@@ -146,9 +153,9 @@ def _draw_chains(axes: Axes, outline: Outline, colours: Texts, facets: Ints, uni
             labels[c].append(name)
     for c in np.flatnonzero(recognised).tolist():
         labels[c].append(f"r = {radii[c]:.4g} {unit}".rstrip())
-    low, high = (np.array([bound(line, axis=0) for line in lines]) for bound in (np.min, np.max))
-    middle, size = 0.5 * (low.min(axis=0) + high.max(axis=0)), np.max(high.max(axis=0) - low.min(axis=0))
-    extent = np.max(high - low, axis=1)
+    low, high = (bound(np.concatenate(lines), axis=0) for bound in (np.min, np.max))
+    middle, size = 0.5 * (low + high), np.max(high - low)
+    extent = [np.ptp(line, axis=0).max() for line in lines]
     every = np.arange(len(lines), dtype=np.int32)
     before, place, after = (in_unit(unit) * outline.points_on(every, at * chains.length) for at in (0.49, 0.5, 0.51))
     normals = unit_vectors((after - before).T[::-1]).T * [-1.0, 1.0]
@@ -194,14 +201,3 @@ def _draw_reasons(axes: Axes, why: Texts, never: Mask, position: Floats, size: f
             text = f"{count}: {reason}" if k < LISTED else f"{further}: {counted(len(counts) - k, 'further reason')}"
             text = fill(text, 44, subsequent_indent="    ").replace("$", r"\$")  # a name may contain dollar signs
             axes.scatter([], [], marker="s", color=colour, label=text)
-
-
-def _draw_constraints(axes: Axes, freedoms: Mapping[str, Mask], position: Floats, size: float) -> None:
-    looks = (("o", "0.7", 0.25 * size), ("o", "black", 0.35 * size), ("s", "white", size), ("s", "black", size))
-    for (label, mask), (marker, face, width) in zip(freedoms.items(), looks, strict=True):
-        if mask.any():
-            axes.plot(
-                *position[mask].T, marker, color=face, markeredgecolor="black" if face == "white" else face,
-                markersize=width, label=f"{counted(int(np.sum(mask)), 'node')} {label}", zorder=3,
-                markeredgewidth=0.8 if marker == "s" else 0.0, rasterized=True,
-            )  # fmt: skip

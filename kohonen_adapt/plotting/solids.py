@@ -1,6 +1,6 @@
 """Meshes of tetrahedra drawn as cuts and from outside."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib import colormaps
@@ -22,7 +22,7 @@ from kohonen_adapt.mesh.curved import Isoparametric
 from kohonen_adapt.mesh.host import count_unknowns, edges_between
 from kohonen_adapt.mesh.measures import directed, unit_vectors
 from kohonen_adapt.mesh.names import labelled, named_sets
-from kohonen_adapt.mesh.slicing import CutBy, Flat, cut_triangles
+from kohonen_adapt.mesh.slicing import CutBy, cut_triangles
 from kohonen_adapt.plotting.charts import axes_of
 from kohonen_adapt.plotting.drawing import BESIDE, COLOURS, draw_edges, draw_elements, draw_outline, in_view
 
@@ -103,7 +103,13 @@ def plot_slice(
         if len(checked) == mesh.nelements:
             found = shown.of_elements(checked)
         else:
-            found = _on_cut(mesh, shown, checked)[shown.mesh.t]
+            of_nodes = shown.of_nodes(checked[: mesh.nvertices])
+            if len(checked) > mesh.nvertices and shown.ends is not None and shown.share is not None:
+                rows = np.flatnonzero(shown.ends[0] != shown.ends[1])
+                ends, share = shown.ends[:, rows], shown.share[rows]
+                middle = checked[mesh.nvertices + edges_between(mesh, *ends)]
+                of_nodes[rows] += 4.0 * share * (1.0 - share) * (middle - checked[ends].mean(axis=0))
+            found = of_nodes[shown.mesh.t]
         norm = norm or Normalize(checked.min(), checked.max())
         drawn = draw_elements(axes, shown.mesh, found, norm, colormaps["viridis"])
         axes.figure.colorbar(drawn, ax=axes, label=label)
@@ -177,7 +183,10 @@ def plot_surface(
     rim = mesh.boundary_facets()
     faces, order, brightness = _faces(shape, rim, camera, in_unit(unit))
     if isinstance(values, str):
-        number, colours, labels = _named_colours(_on_rim(mesh, rim, values), len(rim))
+        of_face = {"boundaries": rim, "subdomains": mesh.f2t[0, rim]}[values]
+        named = {name: np.isin(of_face, rows) for name, rows in named_sets(getattr(mesh, values)).items()}
+        there = {name: np.flatnonzero(mask) for name, mask in named.items() if mask.any()}
+        number, colours, labels = _named_colours(there, len(rim))
         painted = colours[number]
         _add_legend(axes, colours, labels)
     else:
@@ -236,17 +245,7 @@ def _values(mesh: MeshTet, values: ArrayLike) -> Floats:
     return as_reals("values", values, {names[size]: size} if size in names else {"nelements": mesh.nelements})
 
 
-def _on_cut(mesh: MeshTet, shown: Flat, values: Floats) -> Floats:
-    found = shown.of_nodes(values[: mesh.nvertices])
-    if len(values) > mesh.nvertices and shown.ends is not None and shown.share is not None:
-        rows = np.flatnonzero(shown.ends[0] != shown.ends[1])
-        ends, share = shown.ends[:, rows], shown.share[rows]
-        middle = values[mesh.nvertices + edges_between(mesh, *ends)]
-        found[rows] += 4.0 * share * (1.0 - share) * (middle - values[ends].mean(axis=0))
-    return found
-
-
-def _named_colours(sets: dict[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
+def _named_colours(sets: Mapping[str, Ints], count: int) -> tuple[Ints, Floats, list[str]]:
     number, labels = labelled(sets, count)
     chosen = [COLOURS[k % len(COLOURS)] for k in range(len(labels))]
     colours = np.array([WHITE + (1.0 - WHITE) * np.array(to_rgb(colour)) for colour in chosen])
@@ -258,12 +257,6 @@ def _add_legend(axes: Axes, colours: Floats, labels: list[str]) -> None:
     if any(labels):
         handles = [Patch(color=colour, label=text or "no name") for colour, text in zip(colours, labels, strict=True)]
         axes.legend(handles=handles, **BESIDE)
-
-
-def _on_rim(mesh: MeshTet, rim: Ints, names: str) -> dict[str, Ints]:
-    of_face = {"boundaries": rim, "subdomains": mesh.f2t[0, rim]}[names]
-    found = {name: np.flatnonzero(np.isin(of_face, rows)) for name, rows in named_sets(getattr(mesh, names)).items()}
-    return {name: rows for name, rows in found.items() if len(rows)}
 
 
 def _camera(around: float, above: float) -> Floats:

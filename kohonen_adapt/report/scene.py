@@ -38,7 +38,7 @@ Results = Sequence[tuple[AdaptResult, Flat]]
 """Results with the plane meshes to show."""
 
 NAMELESS = "no name"
-NUMBERS: dict[str, np.dtype[Any]] = {"f4": np.dtype("<f4"), "u4": np.dtype("<u4"), "u1": np.dtype("u1")}
+
 
 MOST_NAMES = 255  # largest value of a byte; further sets of names share the last index
 
@@ -159,8 +159,8 @@ def _scaled(
     label: str, values: Sequence[Floats], low: float, high: float, scale: str = "linear", at: str = "element"
 ) -> Shown:
     about = {"label": label, "kind": "values", "at": at, "scale": scale, "low": low, "high": high}
-    about["below"] = any(bool(np.any(each < low)) for each in values)
-    about["above"] = any(bool(np.any(each > high)) for each in values)
+    about["below"] = any(np.any(each < low) for each in values)
+    about["above"] = any(np.any(each > high) for each in values)
     return about, [packed(each, "f4", coarse=at != "node") for each in values]
 
 
@@ -184,18 +184,12 @@ def _shapes(results: Results, unit: str) -> list[Shown]:
 
 def _subdomains(results: Results) -> Shown:
     names: dict[str, int] = {}
-    values = [_numbers_of_names(shown.mesh, names) for _, shown in results]
+    values = list[Ints]()
+    for _, shown in results:
+        number, labels = labelled(named_sets(shown.mesh.subdomains), shown.mesh.nelements)
+        values.append(np.array([names.setdefault(text or NAMELESS, len(names)) for text in labels])[number])
     about = {"label": "subdomain", "kind": "values", "at": "element", "names": list(names)[: MOST_NAMES + 1]}
     return about, [packed(np.minimum(each, MOST_NAMES), "u1") for each in values]
-
-
-def _numbers_of_names(mesh: Mesh, names: dict[str, int]) -> Ints:
-    """Return the index of the set of names of every element, shape (nelements,).
-
-    New sets are added to `names`.
-    """
-    number, labels = labelled(named_sets(mesh.subdomains), mesh.nelements)
-    return np.array([names.setdefault(text or NAMELESS, len(names)) for text in labels])[number]
 
 
 def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, str]:
@@ -205,7 +199,7 @@ def packed(values: ArrayLike, kind: str, *, coarse: bool = False) -> dict[str, s
     Bytes of equal weight are stored together (the shuffle filter of HDF5), which compresses node numbers to a third.
     """
     with np.errstate(over="ignore"):  # overflow is drawn as the end of the scale
-        flat = np.ascontiguousarray(values).ravel().astype(NUMBERS[kind])
+        flat = np.ravel(values).astype(f"<{kind}")
     if coarse:
         flat = ((flat.view(np.uint32) + np.uint32(0x80)) & np.uint32(0xFFFFFF00)).view(flat.dtype)
     planes = flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T

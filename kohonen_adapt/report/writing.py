@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from kohonen_adapt.arrays import FilePath, Texts
+from kohonen_adapt.arrays import FilePath
 from kohonen_adapt.files import write_whole
 from kohonen_adapt.geometry.held_nodes import without_turns
 from kohonen_adapt.loop.result import AdaptResult, html_table
@@ -117,6 +117,8 @@ def write_report(
         write_report("report.html", after, before=before, point_data={"A (Wb/m)": lambda field: field.potential})
     """
     why = [without_turns(np.asarray(held(each))) for each in (before, result)] if held else []
+    counts = [Counter(texts[texts != ""].tolist()) for texts in why]
+    reasons = [reason for reason, _ in sum(counts, Counter()).most_common()]
     data = view_data(
         {"before": before, "after": result},
         (point_data or {}, cell_data or {}),
@@ -132,18 +134,12 @@ def write_report(
         summary=[*([asked] if asked else []), ending_text(result), *bracket_sentences(bracket)],
         figures=key_figures(result),
         result=result,
-        held=counts_by_reason(why),
+        held=[(reason, *(str(each[reason]) for each in counts)) for reason in reasons],
         pictures={caption: _content(picture) for caption, picture in (pictures or {}).items()},
         settings={name: without_folders(text) for name, text in (settings or {}).items()},
         data=data,
     )
     write_whole(Path(path), content)
-
-
-def counts_by_reason(why: Sequence[Texts]) -> list[tuple[str, ...]]:
-    counts = [Counter(texts[texts != ""].tolist()) for texts in why]
-    reasons = [reason for reason, _ in sum(counts, Counter()).most_common()]
-    return [(reason, *(str(each[reason]) for each in counts)) for reason in reasons]
 
 
 def _content(picture: Picture) -> bytes:
@@ -180,9 +176,10 @@ def filled_page(
         If a picture is neither PNG nor GIF.
     """
     style, script = _part("style.css"), "\n".join(_part(name) for name in SCRIPTS)
+    allowed = f"style-src {_hash(style)}; script-src {_hash(script)}; img-src data:"
     sources = [(caption, _source(caption, content)) for caption, content in pictures.items()]
     filled = Template(_part("page.html")).substitute(
-        policy=_policy(style, script),
+        policy=f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'",
         title=escape(title),
         generator=escape(f"kohonen_adapt {__version__}"),
         style=style,
@@ -207,11 +204,6 @@ def _part(name: str) -> str:
 
 def _each(form: str, rows: Iterable[tuple[str, ...]]) -> str:
     return "\n".join(form.format(*map(escape, row)) for row in rows)
-
-
-def _policy(style: str, script: str) -> str:
-    allowed = f"style-src {_hash(style)}; script-src {_hash(script)}; img-src data:"
-    return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
 
 
 def _hash(text: str) -> str:
