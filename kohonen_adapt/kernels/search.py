@@ -140,13 +140,13 @@ def size_at_side(position, node, e, k, x):
 
 @inner_kernel
 def depth_in_element(position, node, e, x):
-    """Return the least barycentric coordinate of x."""
+    """Return the least barycentric coordinate of x, -inf in a flat element."""
     least, total = np.inf, 0.0
     for k in range(len(x) + 1):
         size = size_at_side(position, node, e, k, x)
         least = min(least, size)
         total += size
-    return least / total
+    return least / total if total != 0.0 else -np.inf
 
 
 @inner_kernel
@@ -164,7 +164,7 @@ def walk(position, elements, e, x):
                 across = elements.neighbour[e, k]
                 if across >= 0 and elements.region[across] == region:
                     onward, most = across, size
-        if least / total >= -TOLERANCE:
+        if total != 0.0 and least / total >= -TOLERANCE:
             return e, True
         if onward < 0:
             return e, False

@@ -9,6 +9,8 @@ from kohonen_adapt import Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import KernelMesh, SearchScratch
 from kohonen_adapt.kernels.numba.compilation import interpreted
+from kohonen_adapt.kernels.search import depth_in_element, walk
+from kohonen_adapt.kernels.triangle.arrays import Elements
 from kohonen_adapt.kernels.triangle.locate import find_winner, find_winners
 from kohonen_adapt.mesh.locate import Locator
 from kohonen_adapt.mesh.shapes import round_shapes
@@ -116,3 +118,12 @@ def test_it_is_the_nearest_node_that_the_flooded_disc_reaches(kind, moved):
             hidden += shortest > nearest[1] * (1 + 1e-12)
     if "slit" in kind and moved:
         assert hidden > 0, "no nearer node was ever out of reach: the meshes show nothing"
+
+
+def test_a_flat_element_contains_no_point_and_divides_by_nothing():
+    position, node = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]), np.array([[0, 1, 2]])
+    elements = Elements(node, np.full((1, 3), -1), np.zeros(1, int), np.full((1, 3), -1), np.zeros(3, int), np.zeros(1))
+    for x in ((0.5, 0.0), (0.5, 1.0), (3.0, -1.0)):
+        with np.errstate(all="raise"):
+            assert interpreted(walk)(position, elements, 0, x) == (0, False)
+            assert interpreted(depth_in_element)(position, node, 0, x) == -np.inf
