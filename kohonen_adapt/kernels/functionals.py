@@ -92,6 +92,15 @@ def eliminate(stiffness, rest, mixed, columns, first, count):
 
 
 @inner_kernel
+def clear(block, count):
+    for i in range(count):
+        block.rest[i] = 0.0
+        block.mixed[i] = 0.0
+        for j in range(i + 1):
+            block.stiffness[i, j] = 0.0
+
+
+@inner_kernel
 def substitute(stiffness, values, first, count):
     for i in range(first, count):
         value = values[i]

@@ -3,9 +3,7 @@
 import numpy as np
 
 from kohonen_adapt.kernels.functionals import Laws
-from kohonen_adapt.kernels.tetrahedron.arrays import REDUCED, SHIFT_X, Trial
-
-UNITS = np.array([12.0, 24.0, 6.0, 6.0, 6.0])
+from kohonen_adapt.kernels.tetrahedron.arrays import Trial
 
 
 def on_nodes(mesh, seed=0, value=None):
@@ -17,13 +15,12 @@ def on_nodes(mesh, seed=0, value=None):
     x = mesh.position
     smooth = np.exp(-8.0 * ((x - rng.random(3)) ** 2).sum(axis=1)) + 0.05 * rng.normal(size=rows)
     values = np.where(fixed, 0.0, smooth) if value is None else value(x)
-    data = np.zeros((regions, REDUCED + 1))
-    data[:, 0], data[:, 1:5] = 10.0 ** rng.uniform(-1, 1, regions), rng.normal(size=(regions, 4))
-    data[:, :SHIFT_X] /= UNITS
+    coefficient, source = 10.0 ** rng.uniform(-1, 1, regions), rng.normal(size=(regions, 4))
+    data = coefficient / 12.0, source[:, 0] / 24.0, source[:, 1:] / 6.0, np.zeros((regions, 3)), np.zeros(regions)
     laws = Laws(np.full(regions, -1, dtype=np.int32), 0, np.zeros((1, 2, 2)))
     places = len(mesh.surfaces.shape) + len(mesh.surfaces.ridge_shape)
     patches = [np.zeros(len(mesh.surfaces.shape), dtype=bool) for _ in range(2)]  # none has slivers or given values
-    return Trial(values, fixed, data, laws, np.zeros((places, 3)), *patches, np.zeros((0, regions)), np.zeros((0, 2)))
+    return Trial(values, fixed, *data, laws, np.zeros((places, 3)), *patches, np.zeros((0, regions)), np.zeros((0, 2)))
 
 
 def functional(mesh, trial):
@@ -38,6 +35,6 @@ def functional_of(position, trial, node, region):
     planes = np.dstack([corners, np.ones(values.shape)])
     gradient = np.linalg.solve(planes, values[..., None])[:, :3, 0]
     volume = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6.0
-    c, f, *g = (trial.data[:, :SHIFT_X] * UNITS)[region].T
-    slope = 0.5 * c * np.sum(gradient**2, axis=1) - np.sum(np.array(g).T * gradient, axis=1)
+    c, f, g = 12.0 * trial.twelfth[region], 24.0 * trial.load[region], 6.0 * trial.sixth_flux[region]
+    slope = 0.5 * c * np.sum(gradient**2, axis=1) - np.sum(g * gradient, axis=1)
     return volume @ (slope - f * values.mean(axis=1))

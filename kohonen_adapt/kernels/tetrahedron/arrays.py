@@ -26,10 +26,6 @@ UNKNOWNS = 256  # maximum number of unknowns that change with a node, at order 2
 RING = 8  # maximum number of nodes in the ring of an edge for swaps
 FREE, WAITS, ELSEWHERE, WANTED = range(4)  # `Queue.waiting`; ELSEWHERE turns into WANTED if an element blocks a swap
 
-# Columns of `Trial.data`.
-TWELFTH_COEFFICIENT, SOURCE_24TH, SIXTH_FLUX_X, SIXTH_FLUX_Y, SIXTH_FLUX_Z = range(5)
-SHIFT_X, SHIFT_Y, SHIFT_Z, REDUCED = range(5, 9)
-
 OFFSET, LOAD = range(2)  # columns of `Trial.surface`
 NO_SURFACE = np.zeros((0, 2))  # `Trial.surface` of functions without offsets and loads
 
@@ -63,7 +59,7 @@ class Samples(NamedTuple):
     hessian: R3  # (s, 3, 3): second derivatives of the height along the normal
 
 
-NO_SAMPLES = Samples(np.zeros(1, np.int32), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3, 3)))
+NO_SAMPLES = zeros(Samples, 1, (0, 3), (0, 3), (0, 3, 3))
 
 
 @record
@@ -138,7 +134,8 @@ class Cavity(NamedTuple):
 
     @classmethod
     def of(cls, nodes: int, elements: int) -> "Cavity":
-        new, ring, pairs = 2 * MOST, (2, RING), (2, RING, RING)
+        new = 2 * MOST
+        ring, pairs = (2, RING), (2, RING, RING)
         around = elements, nodes, 1, MOST, MOST, MOST, (new, 4), new, (new, 4), new
         return zeros(cls, *around, (12 * MOST, 5), 12 * MOST, ring, ring, pairs, pairs, (4 * RING, 2), 5)
 
@@ -182,7 +179,11 @@ class Constraints(NamedTuple):
 class Trial(NamedTuple):
     value: R1  # (n,)
     fixed: B1  # (n,): Dirichlet value
-    data: R2  # (regions, 9): coefficient / 12, source / 24, flux / 6, shift, 1 if reduced, otherwise 0
+    twelfth: R1  # (regions,): coefficient / 12
+    load: R1  # (regions,): source / 24
+    sixth_flux: R2  # (regions, 3): flux / 6
+    shift: R2  # (regions, 3)
+    reduced: R1  # (regions,): 1 if reduced, otherwise 0
     laws: Laws  # by region, in place of the coefficient
     rate: R2  # (p + r, 3): gradient of Dirichlet values along patches, then along ridges
     counted: B1  # (p,): curved patches whose slivers are counted
@@ -231,7 +232,8 @@ class SolidBlock(NamedTuple):
 
     @classmethod
     def of(cls, point: Array, weight: Array, curves: tuple[Array, ...], rule: tuple[Array, Array]) -> "SolidBlock":
-        rows, edges, slopes = 2 * MOST, UNKNOWNS, (4, 3)
+        rows, slopes = 2 * MOST, (4, 3)
+        edges = UNKNOWNS
         elements = 1, (rows, 10), (rows, 10), (rows, 6), (edges, 2), edges, edges, edges, slopes, slopes, (4, 4)
         unknowns = (edges, edges), edges, (edges, 3), edges
         moments = slopes, (4, 4, 6), (4, 3, 3), slopes

@@ -14,7 +14,6 @@ OPPOSITE = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 EDGES = np.array([[0, 1, 2, 3], [0, 2, 3, 1], [0, 3, 1, 2], [1, 2, 0, 3], [1, 3, 2, 0], [2, 3, 0, 1]])
 
 FLAT = 1e-18  # largest cubed quality of a flat element
-
 ACROSS, UNUSED = -1, -2  # parts of elements with mixed nodes, and of unused rows
 
 
@@ -54,15 +53,6 @@ def corners_around(star, row, v):
 def corner_of(node, e, v):
     for k in range(4):
         if node[e, k] == v:
-            return k
-    return -1
-
-
-@inner_kernel
-def corner_towards(node, other, a, b, c):
-    for k in range(4):
-        v = node[other, k]
-        if v != a and v != b and v != c:
             return k
     return -1
 
@@ -124,7 +114,8 @@ def list_neighbours(mesh, v, around, count):
 
     The elements around v must be in `around`.
     """
-    node, cavity, found = mesh.elements.node, mesh.cavity, 0
+    node, cavity = mesh.elements.node, mesh.cavity
+    found = 0
     stamp = next_stamp(cavity)
     cavity.node_stamp[v] = stamp
     for i in range(count):

@@ -42,11 +42,6 @@ def mean_of_four(shape, a, b, c, d):
 
 
 @inner_kernel
-def mean_shape(metric, a, b, c, d):
-    return ROUND if is_round(metric) else mean_of_four(metric.shape, a, b, c, d)
-
-
-@inner_kernel
 def set_mean_shape(metric, p, a, b):
     """Write the mean shape of a and b with determinant 1 at node p."""
     if is_round(metric):

@@ -45,7 +45,8 @@ def first_of_shell(mesh, e, a, b, first, second):
         across = elements.neighbour[e, k]
         if elements.patch[e, k] >= 0 or across < 0:
             return e, first, second
-        e, first, second = across, fourth_node(elements.node, across, a, b, first), first
+        first, second = fourth_node(elements.node, across, a, b, first), first
+        e = across
     return NOWHERE, first, second
 
 
@@ -163,8 +164,9 @@ def write_triangulation(mesh, side, count, a, b, patch, new):
             for corner in range(3):
                 cavity.new[new, corner] = corners[corner]
                 cavity.patch[new, corner] = -1
-            cavity.new[new, 3], cavity.patch[new, 3], cavity.patch[new, third] = end, -1, on_base
-            cavity.region[new] = region
+            cavity.new[new, 3], cavity.region[new] = end, region
+            cavity.patch[new, 3] = -1
+            cavity.patch[new, third] = on_base
             new += 1
         cavity.stack[height, 0], cavity.stack[height, 1] = i, j
         cavity.stack[height + 1, 0], cavity.stack[height + 1, 1] = j, k

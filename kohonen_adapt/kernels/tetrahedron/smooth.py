@@ -13,7 +13,7 @@ from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, INSIDE, ON_PATCH, PLANE
 from kohonen_adapt.kernels.tetrahedron.geometry import FLAT, allowed, cubed_of, others, sum_of_squares
-from kohonen_adapt.kernels.tetrahedron.metric import is_round, mean_of_four, mean_shape, relieved, squares_in_metric
+from kohonen_adapt.kernels.tetrahedron.metric import ROUND, is_round, mean_of_four, relieved, squares_in_metric
 from kohonen_adapt.kernels.tetrahedron.surfaces import (
     signed_distance,
     slid,
@@ -70,7 +70,8 @@ def derivatives(position, star, metric, weight, v):
     for j in rows_of(star, v):
         b, c, d = others(star, j)
         p, q, r = from_to(x, position, b), from_to(x, position, c), from_to(x, position, d)
-        shape, normal = mean_shape(metric, v, b, c, d), cross(q, r)
+        normal = cross(q, r)
+        shape = ROUND if is_round(metric) else mean_of_four(metric.shape, v, b, c, d)
         volume, squares = dot(p, normal), squares_in_metric(shape, p, q, r)
         energy = squares * squares
         energy *= energy * weight[star.element[j]] / volume

@@ -9,6 +9,7 @@ from kohonen_adapt.arrays import Floats, Int32s, Int64s, Mask
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.functionals import Laws
+from kohonen_adapt.kernels.numba.compilation import zeros
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
     INSIDE,
@@ -49,9 +50,6 @@ from kohonen_adapt.problem.tables import flux_table
 
 __all__ = ["SolidFunctional", "terms_at_nodes"]
 
-# Divisors of coefficient, source, flux, shift and the reduced regions in `Trial.data`.
-PARTS = np.array([12.0, 24.0, 6.0, 6.0, 6.0, 1.0, 1.0, 1.0, 1.0])
-
 
 @dataclass(frozen=True)
 class SolidFunctional:
@@ -68,7 +66,7 @@ class SolidFunctional:
     number
         Index of every region in the tables of the functional, (nregions,).
     data
-        `Trial.data`, (nregions, 9).
+        Constants of every region, as the fields of `Trial` from `twelfth` to `reduced`.
     patches
         Number of patches.
     dirichlet
@@ -100,7 +98,7 @@ class SolidFunctional:
     solution: TrialFunction
     ritz: Ritz
     number: Int64s
-    data: Floats
+    data: tuple[Floats, Floats, Floats, Floats, Floats]
     patches: int
     dirichlet: Mask
     held: Mask
@@ -160,7 +158,9 @@ class SolidFunctional:
         )
         shift = np.atleast_2d(flux_table(np.asarray(ritz.shift), TETRAHEDRON.dim).T)
         shift = shift[number if len(shift) > 1 else np.zeros_like(number)]
-        data = np.hstack([constants_of(ritz, number, TETRAHEDRON.dim), shift, reduced[:, None]]) / PARTS
+        constants = constants_of(ritz, number, TETRAHEDRON.dim)
+        parts = constants[:, 0] / 12.0, constants[:, 1] / 24.0, constants[:, 2:] / 6.0
+        data = *parts, np.ascontiguousarray(shift), reduced.astype(np.float64)
         places = (on.dirichlet, held, driven, on.unknown, on.rate)
         comparable = ritz.comparable and same_space
         return cls(solution, ritz, number, data, patches, *places, comparable, law, tables, faces)
@@ -196,7 +196,7 @@ class SolidFunctional:
         laws = Laws(self.law, self.tables.first, self.tables.energy)
         source = np.zeros((len(values) if self.has_varying_source else 0, len(self.number)))
         patches = self.faces.counted, self.faces.follows
-        return Trial(values, fixed, self.data, laws, self.rate, *patches, source, surface)
+        return Trial(values, fixed, *self.data, laws, self.rate, *patches, source, surface)
 
     def sample_source(self, position: Floats, elements: Tetrahedra, trial: Trial) -> None:
         # A varying source per node and region is weighted by the shape function, so that nodal loads are exact.
@@ -259,7 +259,7 @@ def solution_on(ritz: Ritz, tet: Tetrahedralization, mesh: MeshTet, reduced: Mas
 
 
 def zero_modes(elements: int) -> Modes:
-    return Modes(np.zeros((elements, 6, 1)), np.zeros(elements), np.zeros((elements, 6), bool))
+    return zeros(Modes, (elements, 6, 1), elements, (elements, 6))
 
 
 def terms_at_nodes(nodal: Floats, mesh: MeshTet) -> Floats:

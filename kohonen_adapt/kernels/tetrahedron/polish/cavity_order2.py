@@ -6,12 +6,12 @@ coefficients of new edges are eliminated, with all other unknowns fixed, and sto
 
 import numpy as np
 
-from kohonen_adapt.kernels.functionals import eliminate, substitute
+from kohonen_adapt.kernels.functionals import clear, eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import BLOCK, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import corners_of, edge_of, gather_edge
 from kohonen_adapt.kernels.tetrahedron.polish.energy import source_along, value_at
-from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element
 
 
 @inner_kernel
@@ -45,6 +45,7 @@ def least_energy(mesh, quadratic, count, unknowns, a, b):
     # Return the functional of the elements to insert, and its minimum over the unknowns, inf if this fails.
     # With a law this is the functional after one step of Newton's method.
     block = quadratic.block
+    block.unknowns[0] = unknowns
     clear(block, unknowns)
     total = energy_of_new(mesh, quadratic, count, a, b, BLOCK if unknowns > 0 else VALUE)
     solved, square = eliminate(block.stiffness, block.rest, block.mixed, 0, 0, unknowns)
@@ -133,7 +134,8 @@ def gather_new(mesh, quadratic, count, known, own, base):
             row = find_edge(block, edges, p, q)
             if row == edges:
                 given = min(p, q) == min(base[0], base[1]) and max(p, q) == max(base[0], base[1])
-                block.end[row, 0], block.end[row, 1], block.mode[row] = min(p, q), max(p, q), 0.0
+                block.end[row, 0], block.end[row, 1] = min(p, q), max(p, q)
+                block.mode[row] = 0.0
                 block.edge_given[row] = given
                 block.edge_dof[row] = -1 if given else unknowns
                 edges, unknowns = edges + 1, unknowns + (0 if given else 1)

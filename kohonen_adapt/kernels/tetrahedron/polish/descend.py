@@ -103,7 +103,9 @@ def move_node(mesh, trial, quadratic, v, floor):
             kind = given, nonlinear, curved
             now, limits = (now, ROUNDING * magnitude), (before, floor)
             further, w = search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind)
-    store(mesh, trial, quadratic, v, w, further > 0.0 or not nonlinear)
+    trial.value[v] += w
+    if quadratic is not None and (further > 0.0 or not nonlinear):
+        change_star(mesh, quadratic, v)
     return gain + further
 
 
@@ -143,9 +145,10 @@ def search(mesh, trial, quadratic, v, step, rate, start, now, limits, kind):
     """
     x = point(mesh.position, v)
     own = 0.0 if quadratic is None else quadratic.block.local[0, 0]
+    surfaces = mesh.constraints.surfaces
     for _ in range(HALVINGS + 1):
         y = slid(mesh.position, mesh.constraints, v, step)
-        if turn_allowed(mesh, v, kind[2], y):
+        if not kind[2] or within_reach(mesh.position, mesh.elements, mesh.star, surfaces, v, y):
             least, w, change = least_at(mesh, trial, quadratic, v, y, start + dot(rate, minus(y, x)), limits, kind)
             if now[0] - least > now[1]:
                 put(mesh.position, v, y)
@@ -210,13 +213,6 @@ def corrected(mesh, quadratic, v):
 
 
 @inner_kernel
-def store(mesh, trial, quadratic, v, w, changed):
-    trial.value[v] += w
-    if quadratic is not None and changed:
-        change_star(mesh, quadratic, v)
-
-
-@inner_kernel
 def change_star(mesh, quadratic, v):
     star, block, modes = mesh.star, quadratic.block, quadratic.modes
     begin = star.start[v]
@@ -227,11 +223,6 @@ def change_star(mesh, quadratic, v):
         for i in range(3):
             if block.dof[row - begin, 4 + i] >= 0:
                 modes.side[e, EDGES_FROM[k, i], 0] += block.correction[block.dof[row - begin, 4 + i]]
-
-
-@inner_kernel
-def turn_allowed(mesh, v, curved, x):
-    return not curved or within_reach(mesh.position, mesh.elements, mesh.star, mesh.constraints.surfaces, v, x)
 
 
 @inner_kernel

@@ -18,17 +18,19 @@ from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     OFFSET,
-    REDUCED,
-    SHIFT_X,
-    SHIFT_Y,
-    SHIFT_Z,
-    SIXTH_FLUX_X,
-    SIXTH_FLUX_Y,
-    SIXTH_FLUX_Z,
-    SOURCE_24TH,
-    TWELFTH_COEFFICIENT,
 )
-from kohonen_adapt.kernels.vectors import between, cofactors, combined, cross, dot, minus, plus_times, times, weighted
+from kohonen_adapt.kernels.vectors import (
+    between,
+    cofactors,
+    combined,
+    cross,
+    dot,
+    minus,
+    plus_times,
+    point,
+    times,
+    weighted,
+)
 
 ROUNDING = 1e-13  # smallest gain, relative to the sum of magnitudes
 
@@ -37,41 +39,31 @@ ROUNDING = 1e-13  # smallest gain, relative to the sum of magnitudes
 def source_around(trial, region, v):
     if trial.source.shape[0] > 0:
         return trial.source[v, region]
-    return trial.data[region, SOURCE_24TH]
+    return trial.load[region]
 
 
 @inner_kernel
 def source_along(trial, region, a, b):
     if trial.source.shape[0] > 0:
         return 0.5 * (trial.source[a, region] + trial.source[b, region])
-    return trial.data[region, SOURCE_24TH]
+    return trial.load[region]
 
 
 @inner_kernel
 def value_at(trial, region, node):
     if trial.surface.shape[0] > 0:
-        return trial.value[node] - trial.data[region, REDUCED] * trial.surface[node, OFFSET]
+        return trial.value[node] - trial.reduced[region] * trial.surface[node, OFFSET]
     return trial.value[node]
 
 
 @inner_kernel
-def sixth_flux(trial, region):
-    return trial.data[region, SIXTH_FLUX_X], trial.data[region, SIXTH_FLUX_Y], trial.data[region, SIXTH_FLUX_Z]
-
-
-@inner_kernel
-def shift_of(trial, region):
-    return trial.data[region, SHIFT_X], trial.data[region, SHIFT_Y], trial.data[region, SHIFT_Z]
-
-
-@inner_kernel
 def less_shift(trial, region, slope):
-    return slope if trial.laws.number[region] < 0 else minus(slope, shift_of(trial, region))
+    return slope if trial.laws.number[region] < 0 else minus(slope, point(trial.shift, region))
 
 
 @inner_kernel
 def shifted(trial, region, six, n):
-    return n if trial.laws.number[region] < 0 else plus_times(n, -six, shift_of(trial, region))
+    return n if trial.laws.number[region] < 0 else plus_times(n, -six, point(trial.shift, region))
 
 
 @inner_kernel
@@ -94,7 +86,7 @@ def element_energy(position, trial, region, load, a, b, c, d):
     values, _, six, n = gradient_of(position, trial, region, a, b, c, d)
     energy = stored_in(trial, region, six, n)
     pull = load * six * values
-    push = dot(sixth_flux(trial, region), n)
+    push = dot(point(trial.sixth_flux, region), n)
     return energy - pull - push, energy + abs(pull) + abs(push)
 
 
@@ -105,7 +97,7 @@ def stored_in(trial, region, six, n):
     square = dot(n, n)
     if law >= 0:
         return six * energy_density(trial.laws, law, square / (six * six))[0] / 6.0
-    return trial.data[region, TWELFTH_COEFFICIENT] * square / six
+    return trial.twelfth[region] * square / six
 
 
 @inner_kernel
@@ -130,7 +122,7 @@ def energy_on(trial, region, load, vectors, tilts, w, value, side):
     across = vectors[2]
     n = plus_times(cross(w, tilt), value - at_first, across)
     six = side * dot(w, across)
-    push = dot(sixth_flux(trial, region), n)
+    push = dot(point(trial.sixth_flux, region), n)
     return stored_in(trial, region, six, times(side, n)) - load * six * (values + value) - side * push
 
 
@@ -140,5 +132,5 @@ def density_at(trial, region, g):
     law = trial.laws.number[region]
     if law >= 0:
         return energy_density(trial.laws, law, dot(g, g))
-    half = 6.0 * trial.data[region, TWELFTH_COEFFICIENT]
+    half = 6.0 * trial.twelfth[region]
     return half * dot(g, g), half, 0.0

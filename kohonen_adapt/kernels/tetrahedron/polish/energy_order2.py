@@ -18,15 +18,14 @@ gradients. `law_order2` has nonlinear laws.
 import numpy as np
 
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, TWELFTH_COEFFICIENT, VALUE
+from kohonen_adapt.kernels.tetrahedron.arrays import POSITION, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES, corners_of_edge, set_slopes
-from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, shift_of, sixth_flux
+from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at
 from kohonen_adapt.kernels.tetrahedron.polish.law_order2 import (
     OF_EDGE,
     add_moments,
     add_moments_to_unknowns,
     add_turn,
-    clear_moments,
     force_and_curvature,
     rank,
 )
@@ -143,11 +142,13 @@ def add_by_points(position, trial, block, i, region, load, six, corners, wanted,
     a, b, c, d = corners
     ranks = rank(a, b, c, d), rank(b, a, c, d), rank(c, a, b, d), rank(d, a, b, c)
     has_law = trial.laws.number[region] >= 0
-    flux = times(6.0, sixth_flux(trial, region))
-    shift = times(1.0 if has_law else 0.0, shift_of(trial, region))
+    flux = times(6.0, point(trial.sixth_flux, region))
+    shift = times(1.0 if has_law else 0.0, point(trial.shift, region))
     points, weights = (block.point, block.weight) if has_law else (block.curve_point, block.curve_weight)
     if wanted > VALUE:
-        clear_moments(block)
+        block.force[:] = 0.0
+        block.curvature[:] = 0.0
+        block.turn[:] = 0.0
     for q in range(weights.shape[0]):
         at = (points[q, ranks[0]], points[q, ranks[1]], points[q, ranks[2]], points[q, ranks[3]])
         source = 0.0
@@ -197,15 +198,6 @@ def integral_of(u, i):
 
 
 @inner_kernel
-def clear(block, count):
-    block.unknowns[0] = count
-    for i in range(count):
-        block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = block.mixed[i, 2] = 0.0
-        for j in range(i + 1):
-            block.stiffness[i, j] = 0.0
-
-
-@inner_kernel
 def add_element(position, trial, block, i, region, load, corners, wanted):
     """Add the derivatives of an element to the block, and return its functional.
 
@@ -225,7 +217,7 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     magnitude, total, gradient, hessian
         Sum of magnitudes of all terms, functional, and derivatives (x, y, z) and (xx, xy, xz, yy, yz, zz).
     """
-    g, t, u, data = block.slope, block.field, block.local, trial.data
+    g, t, u = block.slope, block.field, block.local
     if block.curve_end.shape[0] > 0 and set_offsets(block, corners):
         return add_by_points(position, trial, block, i, region, load, 0.0, corners, wanted, True)
     six = set_slopes(position, g, *corners)
@@ -238,8 +230,8 @@ def add_element(position, trial, block, i, region, load, corners, wanted):
     moment = plus_square(moment, 1.0, total)
     for k in range(4):
         add_to(t, k, total)
-    weight, pull = six * data[region, TWELFTH_COEFFICIENT], load * six
-    flux = times(six, sixth_flux(trial, region))
+    weight, pull = six * trial.twelfth[region], load * six
+    flux = times(six, point(trial.sixth_flux, region))
     energy = 0.05 * weight * (moment[0] + moment[3] + moment[5])
     pulled = pull * integral_of(u, i)
     push = 0.25 * dot(flux, total)

@@ -4,14 +4,12 @@ import numpy as np
 
 from kohonen_adapt.kernels.functionals import energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
-from kohonen_adapt.kernels.tetrahedron.arrays import TWELFTH_COEFFICIENT
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corner_of, cubed_quality, face_of
 from kohonen_adapt.kernels.tetrahedron.polish.energy import (
     ROUNDING,
     element_energy,
     gradient_of,
     shifted,
-    sixth_flux,
     source_along,
     source_around,
     value_at,
@@ -40,7 +38,7 @@ def halves_parabola(position, trial, region, a, b, c, d, w):
     two = square - step * (2.0 * on_o - step * o_o)
     two, by_two, by_ww_two = half_energy(trial, region, six, two, step * o_o - on_o, o_o)
     pull = source_along(trial, region, a, b) * six
-    flux = sixth_flux(trial, region)
+    flux = point(trial.sixth_flux, region)
     lift = dot(flux, minus(p, o))
     push, down = dot(flux, n) + w * lift, pull * (values + w)
     energy = one + two
@@ -56,7 +54,7 @@ def half_energy(trial, region, six, square, along, across):
     """
     law = trial.laws.number[region]
     if law < 0:
-        twelfth = trial.data[region, TWELFTH_COEFFICIENT]
+        twelfth = trial.twelfth[region]
         return 0.5 * twelfth * square / six, 2.0 * twelfth * along / six, 4.0 * twelfth * across / six
     density, rate, curve = energy_density(trial.laws, law, square / (six * six))
     by_ww = (4.0 * curve * along * along / (six * six) + 2.0 * rate * across) / (3.0 * six)

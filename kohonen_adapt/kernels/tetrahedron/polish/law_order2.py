@@ -37,13 +37,6 @@ def rank(node, b, c, d):
 
 
 @inner_kernel
-def clear_moments(block):
-    block.force[:] = 0.0
-    block.curvature[:] = 0.0
-    block.turn[:] = 0.0
-
-
-@inner_kernel
 def force_and_curvature(weight, rate, curve, r, flux):
     """Return h and M times a weight, by the derivatives of the density by |r|^2."""
     first = 2.0 * weight * rate

@@ -11,7 +11,7 @@ would be at places without a jump of the field, and results on the mesh would su
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.tetrahedron.geometry import OPPOSITE, corners_of, face_of
-from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, sixth_flux, value_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy import density_at, less_shift, value_at
 from kohonen_adapt.kernels.tetrahedron.surfaces import onto_patch, signed_distance
 from kohonen_adapt.kernels.vectors import (
     ZERO,
@@ -59,7 +59,7 @@ def density(trial, region, slope, hat):
 
     `hat` is the gradient of the shape function of the node.
     """
-    g, flux = less_shift(trial, region, slope), times(6.0, sixth_flux(trial, region))
+    g, flux = less_shift(trial, region, slope), times(6.0, point(trial.sixth_flux, region))
     held, rate, curve = density_at(trial, region, g)
     along = dot(g, hat)
     first = 2.0 * rate * along - dot(flux, hat)

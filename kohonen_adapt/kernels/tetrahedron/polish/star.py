@@ -20,10 +20,10 @@ both orders have derivatives by place and value.
 
 import numpy as np
 
-from kohonen_adapt.kernels.functionals import eliminate, energy_density
+from kohonen_adapt.kernels.functionals import clear, eliminate, energy_density
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.stars import rows_of
-from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, POSITION, TWELFTH_COEFFICIENT, UNKNOWNS, VALUE
+from kohonen_adapt.kernels.tetrahedron.arrays import LOAD, POSITION, UNKNOWNS, VALUE
 from kohonen_adapt.kernels.tetrahedron.geometry import (
     EDGES,
     OPPOSITE,
@@ -33,8 +33,8 @@ from kohonen_adapt.kernels.tetrahedron.geometry import (
     others,
     sum_of_squares,
 )
-from kohonen_adapt.kernels.tetrahedron.polish.energy import less_shift, sixth_flux, source_around, value_at
-from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element, clear
+from kohonen_adapt.kernels.tetrahedron.polish.energy import less_shift, source_around, value_at
+from kohonen_adapt.kernels.tetrahedron.polish.energy_order2 import add_element
 from kohonen_adapt.kernels.tetrahedron.polish.slivers import slivers_around
 from kohonen_adapt.kernels.vectors import (
     ZERO,
@@ -74,7 +74,7 @@ def derivatives(mesh, trial, v, x, w, wanted):
     zw), and by ww. Derivatives by place are those of the level POSITION only. Values are relative to the value of v,
     which shifts the load by a constant, because moves do not change the volume of the star in any region.
     """
-    position, star, data = mesh.position, mesh.star, trial.data
+    position, star = mesh.position, mesh.star
     magnitude = total = by_w = ww = 0.0
     gradient, hessian, mixed = ZERO, ZEROS, ZERO
     worst, nonlinear = 2.0, False
@@ -104,10 +104,10 @@ def derivatives(mesh, trial, v, x, w, wanted):
             curve *= 2.0 * inverse / 3.0
             ww += curve * g_w * g_w
         else:
-            weight, per_volume = 2.0 * data[region, TWELFTH_COEFFICIENT] * inverse, data[region, TWELFTH_COEFFICIENT]
+            weight, per_volume = 2.0 * trial.twelfth[region] * inverse, trial.twelfth[region]
             per_volume *= square
             energy = per_volume * six
-        load, flux = source_around(trial, region, v), sixth_flux(trial, region)
+        load, flux = source_around(trial, region, v), point(trial.sixth_flux, region)
         around, volume = alpha + beta + gamma, weight * six
         pull, push = load * six * (around + 4.0 * w), dot(flux, n)
         magnitude += energy + abs(pull) + abs(push)

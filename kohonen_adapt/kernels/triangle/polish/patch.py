@@ -14,7 +14,7 @@ lower. A primal and a dual function have a block each. The blocks couple only th
 are added after elimination.
 """
 
-from kohonen_adapt.kernels.functionals import eliminate, substitute
+from kohonen_adapt.kernels.functionals import clear, eliminate, substitute
 from kohonen_adapt.kernels.numba.compilation import inner_kernel
 from kohonen_adapt.kernels.triangle.arrays import (
     CONSTANTS,
@@ -112,10 +112,7 @@ def derivatives(descent, x, wanted):
         centre.
     """
     position, block = descent.position, descent.block
-    for i in range(block.size[UNKNOWNS] if wanted > VALUE else 0):
-        block.rest[i] = block.mixed[i, 0] = block.mixed[i, 1] = 0.0
-        for j in range(i + 1):
-            block.stiffness[i, j] = 0.0
+    clear(block, block.size[UNKNOWNS] if wanted > VALUE else 0)
     magnitude = total = 0.0
     gradient = (0.0, 0.0)
     hessian = ZERO
