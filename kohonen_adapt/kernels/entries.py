@@ -27,7 +27,6 @@ from kohonen_adapt.kernels.triangle import (
 from kohonen_adapt.kernels.triangle.arrays import (
     WITH,
     WITHOUT,
-    Chains,
     Constraints,
     Descents,
     Elements,
@@ -61,8 +60,7 @@ def carrying(elements: type, components: int) -> tuple[Entry, ...]:
 
 def locating(elements: type, components: int) -> tuple[Entry, ...]:
     return (
-        Entry(search.count_in_cells, R2, I2, Grid),
-        Entry(search.fill_cells, R2, I2, Grid),
+        Entry(search.list_in_cells, R2, I2, Grid, bool),
         Entry(search.find, R2, elements, R2, UniTuple(float64, components), Grid, I1),
     )
 
@@ -96,24 +94,18 @@ ENTRIES: dict[str, tuple[Entry, ...]] = {
         Entry(draw.draw_points, R2, I2, I1, R1, R2, R2, I1),
         Entry(geometry.mark_valid, R2, Star, float, int, int, B1),
         Entry(locate.find_winners, KERNEL_MESH, R2, R2, I1, I1, I1, R1, SearchScratch),
-        Entry(ordering.sort_into_tiles, I1, I1, B1, int, int, L1, I1),
         Entry(ordering.swap_each, I1, L1, L1),
         Entry(train.learn, KERNEL_MESH, Lesson, float, float, B1, SearchScratch),
         Entry(smooth.sweep, KERNEL_MESH, R2, R1, bool, float, I1, B1, bool),
-        Entry(chains.farthest_from_facets, R2, Elements, Constraints),
     ),
     "transport": (
         Entry(transport.sum_weights, I1, I1, R1, Elements, Star, R1),
-        Entry(transport.find_crossings, R2, Elements, I1, I1, I1, R1),
         Entry(transport.find_directions, I2, Constraints, I1, R1, R2),
         Entry(transport.move_with_clusters, Star, Constraints, I1, R2, int, int, R2),
         Entry(transport.smooth_moves, Star, Constraints, R2, int, int, R2),
-        Entry(transport.measure_moves, R2, Star, R2, int, int, R1),
         Entry(transport.propose_step, R2, Constraints, R2, float, int, int, R2, R1),
         Entry(transport.mark_spoiled, R2, R2, I2, float, int, int, B1),
         Entry(transport.stop_nodes, R2, R2, I2, Star, float, B1, I1),
-        Entry(transport.mark_too_long, R2, R2, Elements, Chains, B1),
-        Entry(transport.accept_step, R2, Constraints, R2, R1, int, int),
         Entry(transport.move_to_neighbour_mean, R2, R1, I2, Star, Constraints, B1),
         Entry(transport.slow_down, R2, R2, R1, I2, Star, Constraints, B1, I1, I1),
     ),

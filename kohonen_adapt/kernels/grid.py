@@ -12,7 +12,7 @@ from kohonen_adapt.arrays import Array
 from kohonen_adapt.kernels.numba.array_types import I1, L1, R1
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, record
 
-__all__ = ["Grid", "cell_index", "cells_between", "clear_counts", "enter", "sum_up_counts"]
+__all__ = ["Grid", "cell_index", "cells_between", "enter"]
 
 
 @record
@@ -36,7 +36,7 @@ class Grid(NamedTuple):
         count = np.clip(np.ceil(extent / (extent.prod() / wanted) ** (1.0 / len(extent))), 1, 4096)
         while count.prod() > 8.0 * wanted + 8.0:  # a thin mesh has at least one cell across
             count = np.ceil(count / 2.0)
-        start = np.empty(int(count.prod()) + 1, np.int64)
+        start = np.zeros(int(count.prod()) + 1, np.int64)
         return cls(origin, extent / count, count.astype(np.int64), start, np.empty(0, np.int32))
 
 
@@ -51,18 +51,6 @@ def cells_between(position, node, e, axis, grid):
 @inner_kernel
 def cell_index(grid, value, axis):
     return int(min(grid.shape[axis] - 1.0, max(0.0, (value - grid.origin[axis]) / grid.size[axis])))
-
-
-@inner_kernel
-def clear_counts(grid):
-    for c in range(grid.start.shape[0]):
-        grid.start[c] = 0
-
-
-@inner_kernel
-def sum_up_counts(grid):
-    for c in range(grid.start.shape[0] - 1):
-        grid.start[c + 1] += grid.start[c]
 
 
 @inner_kernel

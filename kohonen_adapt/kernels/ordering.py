@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.random import Generator
 
-from kohonen_adapt.arrays import Floats, Int32s, Int64s, Ints
+from kohonen_adapt.arrays import Floats, Int32s, Int64s, Ints, IntsPair, Mask
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.threads import even_cuts, shared
 
@@ -141,31 +141,21 @@ def mark_interior(start, link, part, rings, interior, queue):
 
 
 @kernel
-def sort_into_tiles(winners, rank, interior, count, tiles, cuts, order):
-    """Sort training points by the tile of the winner, interior winners first.
-
-    The winners of ``order[cuts[i] : cuts[i + 1]]`` are in tile i, in the interior for i < tiles and otherwise not in
-    the interior of tile ``i - tiles``. Tiles are equal stretches of the curve, on which node v of `count` nodes has the
-    position ``rank[v]``.
-    """
-    for i in range(2 * tiles + 1):
-        cuts[i] = 0
-    for t in range(winners.shape[0]):
-        v = winners[t]
-        cuts[rank[v] * tiles // count + (0 if interior[v] else tiles)] += 1
-    for i in range(2 * tiles):
-        cuts[i + 1] += cuts[i]
-    for t in range(winners.shape[0] - 1, -1, -1):  # backwards, so that points of a tile keep their order
-        v = winners[t]
-        i = rank[v] * tiles // count + (0 if interior[v] else tiles)
-        cuts[i] -= 1
-        order[cuts[i]] = t
-
-
-@kernel
 def swap_each(order, first, second):
     for i in range(first.shape[0]):
         order[first[i]], order[second[i]] = order[second[i]], order[first[i]]
+
+
+def sorted_into_tiles(winners: Ints, rank: Ints, interior: Mask, tiles: int) -> IntsPair:
+    """Sort training points by the tile of the winner, interior winners first.
+
+    Returned are the cuts and the order. The winners of ``order[cuts[i] : cuts[i + 1]]`` are in tile i, in the interior
+    for i < tiles and otherwise not in the interior of tile ``i - tiles``. Tiles are equal stretches of the curve, on
+    which node v has the position ``rank[v]``.
+    """
+    tile = rank[winners].astype(np.int64) * tiles // len(rank) + np.where(interior[winners], 0, tiles)
+    order = np.argsort(tile.astype(np.min_scalar_type(2 * tiles)), kind="stable")  # the shortest type is the fastest
+    return np.append(0, np.cumsum(np.bincount(tile, minlength=2 * tiles))), order.astype(np.int32)
 
 
 def shuffle(cuts: Ints, order: Ints, rng: Generator) -> None:

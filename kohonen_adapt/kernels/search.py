@@ -6,7 +6,7 @@ or (0, 0, 0).
 
 import numpy as np
 
-from kohonen_adapt.kernels.grid import cell_index, cells_between, clear_counts, enter, sum_up_counts
+from kohonen_adapt.kernels.grid import cell_index, cells_between, enter
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.vectors import (
@@ -34,29 +34,22 @@ def walk_each(position, elements, points, origin, found, inside):
 
 
 @kernel
-def count_in_cells(position, node, grid):
-    clear_counts(grid)
-    for e in range(node.shape[0]):
-        (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                for k in range(k0, k1 + 1):
-                    grid.start[cell_at(grid, i, j, k)] += 1
-    sum_up_counts(grid)
+def list_in_cells(position, node, grid, counts):
+    """List the elements of every grid cell, after a first call that counts them.
 
-
-@kernel
-def fill_cells(position, node, grid):
-    """List the elements of every grid cell.
-
-    On entry `start` holds the ends of the lists, on return their starts.
+    The first call leaves the ends of the lists in `start`, the second their starts.
     """
     for e in range(node.shape[0] - 1, -1, -1):
         (i0, i1), (j0, j1), (k0, k1) = cells_of_element(position, node, e, grid)
         for i in range(i0, i1 + 1):
             for j in range(j0, j1 + 1):
                 for k in range(k0, k1 + 1):
-                    enter(grid, cell_at(grid, i, j, k), e)
+                    if counts:
+                        grid.start[cell_at(grid, i, j, k)] += 1
+                    else:
+                        enter(grid, cell_at(grid, i, j, k), e)
+    for c in range(grid.start.shape[0] - 1 if counts else 0):
+        grid.start[c + 1] += grid.start[c]
 
 
 @inner_kernel

@@ -20,6 +20,7 @@ Nodes = Int32s
 Result = TypeVar("Result")
 
 LIGHT = 15_000  # nodes or elements per thread of a light loop, at least, because starting a thread takes time
+LEAST = 1_000  # minimum number of nodes per part, to justify a thread
 NODES = 50_000  # per compiled call, so that Ctrl-C takes effect within half a second
 
 _pools: dict[int, ThreadPoolExecutor] = {}  # idle threads by number; no result depends on them
@@ -34,6 +35,20 @@ def even_cuts(count: int, least: int, multiple: int = 1) -> list[int]:
     """
     pieces = max(1, min(number_of_threads(), count // least))
     return [0, *(i * count // pieces // multiple * multiple for i in range(1, pieces)), count]
+
+
+def parts_for(nodes: int, rings: int, dim: int, strips: float) -> int:
+    """Return the number of parts for a mesh of `nodes` nodes, a power of two.
+
+    A square or cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to
+    side. The number p is the largest for which strips of `rings` on both sides of the cuts have at most `strips` n
+    nodes, and for which parts have at least `LEAST` nodes.
+    """
+    parts = 1
+    row = nodes ** (1.0 / dim)
+    while 2 * parts * LEAST <= nodes and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1.0) <= strips * row:
+        parts *= 2
+    return parts
 
 
 def shared(task: Callable[[int, int, int], Result], cuts: Sequence[int]) -> list[Result]:

@@ -10,7 +10,7 @@ from skfem import Mesh
 from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask
 from kohonen_adapt.kernels.grid import Grid
 from kohonen_adapt.kernels.numba.compilation import expect
-from kohonen_adapt.kernels.search import barycentric, count_in_cells, fill_cells, find, walk_each
+from kohonen_adapt.kernels.search import barycentric, find, list_in_cells, walk_each
 from kohonen_adapt.kernels.threads import even_cuts, shared
 from kohonen_adapt.mesh.adjacency import BoxTree, parts_at, parts_of_regions
 from kohonen_adapt.mesh.cells import cell_of, check_kind, corner_positions, width_of
@@ -54,9 +54,9 @@ class Locator:
             node=node, neighbour=elements.neighbour.copy(), region=np.zeros_like(elements.region)
         )
         grid = Grid.over(self.position, len(node) / tessellation.crowd)
-        count_in_cells(self.position, node, grid)
+        list_in_cells(self.position, node, grid, True)
         self.grid = grid._replace(content=np.empty(grid.start[-1], np.int32))
-        fill_cells(self.position, node, self.grid)
+        list_in_cells(self.position, node, self.grid, False)
 
     def find(self, points: Floats) -> Int32s:
         found = np.empty(len(points), np.int32)

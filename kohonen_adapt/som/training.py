@@ -20,8 +20,8 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import swap_elements
 from kohonen_adapt.kernels.arrays import KernelMesh, Lesson, SearchScratch
-from kohonen_adapt.kernels.ordering import along_curve, mark_interior, shuffle, sort_into_tiles
-from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
+from kohonen_adapt.kernels.ordering import along_curve, mark_interior, shuffle, sorted_into_tiles
+from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, parts_for, shared
 from kohonen_adapt.kernels.triangle.locate import STRETCH
 from kohonen_adapt.kernels.triangle.smooth import sweep
 from kohonen_adapt.mesh.shapes import round_shapes
@@ -33,7 +33,6 @@ from kohonen_adapt.som.transport import FLOWS, POINTS, Transport
 __all__ = ["Trainer"]
 
 PULL = 0.4  # maximum displacement of a node in a batch, as a fraction of the distance to its points
-LEAST = 1_000  # minimum number of nodes per part, to justify a thread
 STRIPS = 0.3  # maximum fraction of nodes near cuts, which have to wait
 TILE = 250  # number of nodes whose points are presented together, to stay in the cache; more for wide radii
 FEW = 1_000  # minimum number of stars or searches per thread
@@ -140,7 +139,7 @@ class Trainer:
         number = len(slot)
         total = 0.0
         rings = stage.radius + 2  # elements of moved nodes need one ring beyond the radius, a corner jump a second
-        parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim)
+        parts = parts_for(self.movable.nnodes, rings, self.method.cell.dim, STRIPS)
         is_valid, interior = self._valid_stars(), self._interior_nodes(parts, rings)
         batches = batches_for(stage, rate, number / self.movable.nnodes, number, self.method)
         for first in range(batches):
@@ -168,13 +167,13 @@ class Trainer:
         movable = self._triangles("sweeps")
         mesh = movable.kernel_mesh()
         shape, floor = movable.shape, movable.floor
-        parts = parts_for(movable.nnodes, 1, self.method.cell.dim)
+        parts = parts_for(movable.nnodes, 1, self.method.cell.dim, STRIPS)
         interior = self._interior_nodes(parts, 1)
 
         def task(thread: int, first: int, last: int, which: bool = True) -> tuple[int, int]:
             return sweep(mesh, shape, weight, circumcentres, floor, self.order[first:last], interior, which)
 
-        refused = shared(task, starts_of_threads(starts_of_parts(movable.nnodes, parts)))
+        refused = shared(task, starts_of_threads(-(-np.arange(parts + 1) * movable.nnodes // parts)))
         self.refused += np.sum([*refused, task(0, 0, movable.nnodes, which=False)], axis=0)
 
     def _interior_nodes(self, parts: int, rings: int) -> Mask:
@@ -219,8 +218,7 @@ class Trainer:
     def _by_parts(self, winners: Ints, radius: int, parts: int, interior: Mask, rng: Generator) -> IntsPair:
         n = len(interior)
         tiles = parts * max(1, round(n / (parts * max(TILE, disc(radius, self.method)))))
-        cuts, order = np.empty(2 * tiles + 1, np.int64), np.empty(len(winners), np.int32)
-        sort_into_tiles(winners, self.rank, interior, n, tiles, cuts, order)
+        cuts, order = sorted_into_tiles(winners, self.rank, interior, tiles)
         shuffle(cuts, order, rng)
         return np.append(cuts[: tiles + 1 : tiles // parts], cuts[-1]), order
 
@@ -238,25 +236,10 @@ class Trainer:
         self.refused += np.sum([*refused, task(0, cuts[-2], cuts[-1])], axis=0)
 
 
-def starts_of_parts(neurons: int, parts: int) -> Ints:
-    return -(-np.arange(parts + 1) * neurons // parts)
-
-
 def starts_of_threads(starts: Ints) -> list[int]:
     parts = len(starts) - 1
     threads = min(number_of_threads(), parts)
     return starts[np.linspace(0, parts, threads + 1).round().astype(int)].tolist()
-
-
-def parts_for(neurons: int, rings: int, dim: int) -> int:
-    # A cube of n nodes has n^(1/dim) nodes in a row, and p parts need dim (p^(1/dim) - 1) cuts from side to side. The
-    # number p is the largest for which strips of `rings` on both sides of the cuts have at most `STRIPS` n nodes, and
-    # for which parts have at least `LEAST` nodes.
-    parts = 1
-    row = neurons ** (1.0 / dim)
-    while 2 * parts * LEAST <= neurons and 2 * dim * rings * ((2 * parts) ** (1.0 / dim) - 1) <= STRIPS * row:
-        parts *= 2
-    return parts
 
 
 def disc(radius: int, method: MapMethod) -> int:

@@ -24,14 +24,11 @@ from scipy.sparse.linalg import splu
 from kohonen_adapt.arrays import Floats, Int32s, Ints, Mask, counted
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.threads import LIGHT, even_cuts, shared
-from kohonen_adapt.kernels.triangle.arrays import Constraints
+from kohonen_adapt.kernels.triangle.arrays import SLIDING, Constraints
+from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.kernels.triangle.transport import (
-    accept_step,
-    find_crossings,
     find_directions,
     mark_spoiled,
-    mark_too_long,
-    measure_moves,
     move_to_neighbour_mean,
     move_with_clusters,
     propose_step,
@@ -40,6 +37,8 @@ from kohonen_adapt.kernels.triangle.transport import (
     stop_nodes,
     sum_weights,
 )
+from kohonen_adapt.mesh.cells import TRIANGLE
+from kohonen_adapt.mesh.host import ascending
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.som.training_points import Draw
 
@@ -103,7 +102,7 @@ class Transport:
         direction = centre[column] - centre[row]
         conductance = length / np.maximum(np.hypot(*direction.T), NEAREST * length)
         links = symmetric(conductance, row, column, len(size))
-        found = np.bincount(cluster, weights=mass).astype(np.float64)
+        found = np.bincount(cluster, mass).astype(np.float64)
         height = potential(links, wanted_inflow(found, size, links, rounds * BOUND))
         carried = 0.5 * (conductance * (height[column] - height[row]))[:, None] * direction
         # flux across an edge covers half of the distance of the centres in each cluster
@@ -127,11 +126,12 @@ class Transport:
 
     def _crossings(self) -> tuple[Ints, Ints, Floats]:
         tri, cluster = self.movable.triangulation, self.cluster
-        most = 3 * len(cluster) // 2
-        row, column, length = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
-        found = find_crossings(tri.position, tri.elements, cluster, row, column, length)
-        low, high = np.minimum(row[:found], column[:found]), np.maximum(row[:found], column[:found])
-        both = coo_array((length[:found], (low, high)), shape=(len(cluster), len(cluster)))
+        elements = tri.elements
+        e, k = np.nonzero((elements.neighbour > np.arange(len(cluster))[:, None]) & (elements.chain < 0))
+        ends = ascending(cluster[e], cluster[elements.neighbour[e, k]])
+        apart = ends[0] != ends[1]
+        length = lengths(tri.position, *elements.ends(e[apart], k[apart]))
+        both = coo_array((length, ends[:, apart]), shape=(len(cluster), len(cluster)))
         both.sum_duplicates()
         return *both.coords, both.data
 
@@ -150,10 +150,10 @@ class Transport:
 
     def _reach(self, move: Floats) -> float:
         tri = self.movable.triangulation
-        ratio = np.empty(self.movable.nnodes)
-        cuts = even_cuts(tri.nnodes, LIGHT)
-        shared(lambda _, *rows: measure_moves(tri.position, tri.star, move, *rows, ratio), cuts)
-        return float(np.quantile(ratio, 0.99))
+        node = tri.elements.node
+        doubled = np.bincount(node.ravel(), np.repeat(TRIANGLE.determinant(tri.position.T[:, node.T]), 3))
+        size = np.sqrt(np.maximum(doubled / 6.0, FLAT**2))
+        return float(np.quantile(np.hypot(*move.T) / size, 0.99))
 
     def _take(self, step: "Step", move: Floats, fraction: float, rings: int) -> None:
         tri, constraints = self.movable.triangulation, self.movable.constraints
@@ -161,7 +161,10 @@ class Transport:
         ends = (step.target, step.parameter)
         shared(lambda _, *rows: propose_step(tri.position, constraints, move, fraction, *rows, *ends), cuts)
         self._mend(step, rings)
-        shared(lambda _, *rows: accept_step(tri.position, constraints, *ends, *rows), cuts)
+        slides = np.flatnonzero(constraints.kind == SLIDING)
+        slides = slides[np.any(step.target[slides] != tri.position[slides], axis=1)]
+        constraints.parameter[slides] = step.parameter[slides]
+        tri.position[:] = step.target
 
     def _mend(self, step: "Step", rings: int) -> None:
         """Change a step where elements would be spoiled.
@@ -184,7 +187,7 @@ class Transport:
             self._mark(step)
         floor = self.movable.euclidean_floor
         stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
-        while mark_too_long(tri.position, step.target, tri.elements, constraints.chains, step.spoiled):
+        while self._mark_too_long(step):
             stop_nodes(tri.position, step.target, node, tri.star, floor, step.spoiled, step.queue)
 
     def _mark(self, step: "Step") -> None:
@@ -192,6 +195,18 @@ class Transport:
         arrays = tri.position, step.target, tri.elements.node, self.movable.euclidean_floor
         cuts = even_cuts(len(tri.elements.node), LIGHT)
         shared(lambda thread, first, last: mark_spoiled(*arrays, first, last, step.spoiled), cuts)
+
+    def _mark_too_long(self, step: "Step") -> bool:
+        tri, reach = self.movable.triangulation, self.movable.constraints.chains.reach
+        chain = tri.elements.chain
+        e, k = np.nonzero(chain >= 0)
+        limited = (reach[chain[e, k]] < np.inf) & ~step.spoiled[e]
+        e, k = e[limited], k[limited]
+        ends = tri.elements.ends(e, k)
+        length = lengths(step.target, *ends)
+        too_long = (length > reach[chain[e, k]]) & (length > lengths(tri.position, *ends))
+        step.spoiled[e[too_long]] = True
+        return bool(too_long.any())
 
 
 class Step(NamedTuple):
@@ -219,6 +234,10 @@ class Step(NamedTuple):
         )
 
 
+def lengths(position: Floats, a: Ints, b: Ints) -> Floats:
+    return np.hypot(*(position[b] - position[a]).T)
+
+
 def clusters_of(triangulation: Triangulation, rank: Ints) -> Ints:
     region, node = triangulation.elements.region, triangulation.elements.node
     order = np.argsort(rank[node[:, 0]], kind="stable")
@@ -238,11 +257,11 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
     share of a cluster.
     """
     parts = connected_components(links, directed=False)[1]
-    mean = (np.bincount(parts, weights=mass) / np.bincount(parts, weights=size))[parts]
+    mean = (np.bincount(parts, mass) / np.bincount(parts, size))[parts]
     fraction = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
     few = 0.5 / size  # half an element's share is added to every cluster, because a mass may be 0
     asked = np.clip(np.log((fraction + few) / (1.0 + few)), -bound, bound)
-    return (asked - (np.bincount(parts, weights=asked * size) / np.bincount(parts, weights=size))[parts]) * size
+    return (asked - (np.bincount(parts, asked * size) / np.bincount(parts, size))[parts]) * size
 
 
 def potential(links: csr_array, inflow: Floats) -> Floats:

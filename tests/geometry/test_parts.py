@@ -11,9 +11,9 @@ from skfem import MeshTet
 from kohonen_adapt import Rules
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
-from kohonen_adapt.geometry.space.thread_parts import parts_for
+from kohonen_adapt.geometry.space.thread_parts import STRIPS
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
-from kohonen_adapt.kernels.threads import by_turns
+from kohonen_adapt.kernels.threads import by_turns, parts_for
 
 CELLS = 14  # 3375 nodes: two parts
 
@@ -53,9 +53,9 @@ def volumes_of(solid):
 
 
 def test_few_nodes_are_one_part_and_many_are_more_of_no_less_than_a_thousand():
-    assert parts_for(1999) == 1 and parts_for(3375) == 2
+    assert parts_for(1999, 1, 3, STRIPS) == 1 and parts_for(3375, 1, 3, STRIPS) == 2
     for nodes in (10_000, 100_000, 1_000_000):
-        parts = parts_for(nodes)
+        parts = parts_for(nodes, 1, 3, STRIPS)
         assert parts > 2 and nodes / parts >= 1000
 
 

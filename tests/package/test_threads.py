@@ -6,8 +6,8 @@ import pytest
 from helpers.parted import RESULTS, texts
 from helpers.processes import output_with
 
-from kohonen_adapt.kernels.threads import LIGHT
-from kohonen_adapt.som.training import parts_for
+from kohonen_adapt.kernels.threads import LIGHT, parts_for
+from kohonen_adapt.som.training import STRIPS
 
 SCRIPT = "import json; from helpers.parted import texts; print(json.dumps(texts()))"
 
@@ -19,5 +19,5 @@ def test_any_number_of_threads_gives_the_same_bits():
     alone, crowd = (json.loads(output_with(SCRIPT, NUMBA_NUM_THREADS=number)) for number in ("1", "5"))
     assert here == alone == crowd and len(here) == len(RESULTS)
     nodes, elements = ({name: int(text.split()[k]) for name, text in here.items()} for k in (0, 1))
-    assert parts_for(nodes["relocated"], 10, 2) > 1 and nodes["relocated"] > 2 * LIGHT
+    assert parts_for(nodes["relocated"], 10, 2, STRIPS) > 1 and nodes["relocated"] > 2 * LIGHT
     assert elements["on_curves"] > 10_000

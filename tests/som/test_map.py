@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 import kohonen_adapt as ka
 from kohonen_adapt import KohonenMap, Rules, Schedule, Stage
 from kohonen_adapt.geometry.plane.movable import MovableMesh
-from kohonen_adapt.kernels.ordering import mark_interior, shuffle, sort_into_tiles
+from kohonen_adapt.kernels.ordering import mark_interior, shuffle, sorted_into_tiles
 from kohonen_adapt.kernels.triangle.smooth import RELAXATION
 from kohonen_adapt.mesh.measures import signed_area
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -74,8 +74,7 @@ def test_deep_inside_a_part_nothing_reaches_another(radius):
 def test_points_are_sorted_by_tile_and_by_how_deep_their_winners_are():
     rng = np.random.default_rng(3)
     winners, rank, interior = rng.integers(0, 40, 200), rng.permutation(40), rng.random(40) < 0.7
-    cuts, order = np.empty(11, dtype=np.int64), np.empty(200, dtype=np.int32)
-    sort_into_tiles(winners, rank, interior, 40, 5, cuts, order)
+    cuts, order = sorted_into_tiles(winners, rank, interior, 5)
     assert all(np.all(np.diff(order[first:last]) > 0) for first, last in pairwise(cuts))
     shuffle(cuts, order, rng)
     assert sorted(order) == list(range(200))

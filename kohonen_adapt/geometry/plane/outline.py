@@ -12,12 +12,14 @@ from kohonen_adapt.arrays import Floats, Int8s, Int32s, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import (
     chains_of,
     find_parameters,
+    on_chains,
     on_lines_and_arcs,
     pair_chains,
     points_on,
     spans_of,
 )
 from kohonen_adapt.geometry.plane.curves import Curve, curve_of_facets, projected
+from kohonen_adapt.geometry.plane.midsides import offsets_from_chords
 from kohonen_adapt.geometry.plane.pairs import Pairs, find_pairs
 from kohonen_adapt.geometry.plane.polylines import (
     BY_MIDSIDES,
@@ -51,7 +53,7 @@ from kohonen_adapt.kernels.triangle.arrays import (
     Constraints,
     PeriodicPairs,
 )
-from kohonen_adapt.kernels.triangle.chains import farthest_from_facets, look_up
+from kohonen_adapt.kernels.triangle.chains import look_up
 from kohonen_adapt.kernels.triangle.guard import move_to_targets
 from kohonen_adapt.mesh.adjacency import write_on_both_sides
 from kohonen_adapt.mesh.names import turned
@@ -104,7 +106,7 @@ class Outline:
         occupied &= ~found.sliding
         constraints = Constraints(
             kind=kinds_of(facets, found.sliding, pinned),
-            chain=chains_of_nodes(facets, found.joints, chain, found.sliding, occupied),
+            chain=chains_of_nodes(found.joints, chain, found.sliding, occupied),
             parameter=np.zeros(triangulation.nnodes),
             inner=inner_nodes(triangulation),
             chains=chains_of(position, polylines, segments, curves, found.midsides.offset),
@@ -140,8 +142,13 @@ class Outline:
 
     def farthest(self, triangulation: Triangulation) -> tuple[float, int]:
         """Return the largest distance of a curve segment from its facets, and its index."""
-        distance, chain = farthest_from_facets(triangulation.position, triangulation.elements, self.constraints)
-        return float(distance), int(chain)
+        chain = triangulation.elements.chain
+        e, k = np.nonzero(on_chains(chain, ~self.straight))
+        squared = np.sum(offsets_from_chords(triangulation, self.constraints, e, k) ** 2, axis=1)
+        if not squared.any():
+            return 0.0, -1
+        first = np.argmax(squared)
+        return float(np.sqrt(squared[first])), int(chain[e[first], k[first]])
 
     @property
     def straight(self) -> Mask:
@@ -233,7 +240,7 @@ def kinds_of(facets: Facets, sliding: Mask, pinned: Mask) -> Int8s:
     return kind
 
 
-def chains_of_nodes(facets: Facets, joints: Joints, chain: Ints, sliding: Mask, occupied: Mask) -> Int32s:
+def chains_of_nodes(joints: Joints, chain: Ints, sliding: Mask, occupied: Mask) -> Int32s:
     """Return the two curve segments of every node, -1 for none, shape (n, 2).
 
     Both columns of a sliding node hold its segment, and a corner of two segments holds both. Nodes of the mask

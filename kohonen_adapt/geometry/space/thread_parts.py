@@ -19,13 +19,12 @@ from kohonen_adapt.kernels.arrays import Pool
 from kohonen_adapt.kernels.ordering import MARGIN, along_curve, mark_interior, parts_along
 from kohonen_adapt.kernels.tetrahedron.arrays import ELSEWHERE, FREE, WAITS, WANTED, Cavity, OpenTetrahedra, Queue, Star
 from kohonen_adapt.kernels.tetrahedron.geometry import ACROSS, find_parts
-from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, shared_in_parts
+from kohonen_adapt.kernels.threads import Nodes, by_turns, number_of_threads, parts_for, shared_in_parts
 
 __all__ = ["Parts", "wait_in"]
 
 MARGINS = MARGIN, 0.4  # margins of two space-filling curves, which halve the mesh at different places
 STRIPS = 0.25  # maximum fraction of nodes at the cuts of a partition, which have to wait
-LEAST = 1_000  # minimum number of nodes per part, to justify a thread
 FEW = 2_000  # number of queued elements below which threads are not used
 
 
@@ -53,7 +52,7 @@ class Parts:
 
         Rows not in use have part 0. There are no partitions if nodes are too few.
         """
-        count = parts_for(len(self.order))
+        count = parts_for(len(self.order), 1, 3, STRIPS)
         orders = [self.order, self._along(MARGINS[1])] if count > 1 else []
         return tuple(parts_along(order, len(self.mesh.position), count) for order in orders)
 
@@ -137,15 +136,3 @@ def split_pool(pool: Pool, count: Ints) -> list[Pool]:
         pool._replace(free_elements=padded(own, len(own) + int(used), -1), height=np.array([pool.height[0], len(own)]))
         for own, used in zip(np.split(free, cuts), count, strict=True)
     ]
-
-
-def parts_for(nodes: int) -> int:
-    """Return the number of parts for a mesh of `nodes` nodes, a power of two.
-
-    Planes that cut a cube of n nodes into p cubes are next to 6 (p^(1/3) - 1) n^(2/3) nodes. The number of parts p is
-    the largest for which these are at most `STRIPS` n, and for which parts have at least `LEAST` nodes.
-    """
-    parts = 1
-    while 2 * parts * LEAST <= nodes and 6.0 * ((2 * parts) ** (1 / 3) - 1.0) <= STRIPS * nodes ** (1 / 3):
-        parts *= 2
-    return parts

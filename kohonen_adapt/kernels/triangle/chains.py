@@ -24,7 +24,6 @@ from kohonen_adapt.kernels.triangle.arrays import (
     STRAIGHT,
     TABLED,
 )
-from kohonen_adapt.kernels.triangle.geometry import ends_of
 from kohonen_adapt.kernels.triangle.guard import may_move
 from kohonen_adapt.kernels.vectors import (
     combined,
@@ -32,12 +31,9 @@ from kohonen_adapt.kernels.vectors import (
     divided,
     dot,
     minus,
-    norm,
-    plus,
     plus_times,
     put,
     squared_distance,
-    times,
     turned,
     weighted,
     xy,
@@ -267,24 +263,6 @@ def look_up(constraints, nodes, out):
         v = nodes[i]
         chain = constraints.chain[v, OWN]
         put(out, i, point_at(constraints.chains, chain, constraints.parameter[v]))
-
-
-@kernel
-def farthest_from_facets(position, elements, constraints):
-    """Return the largest sagitta of all facets and the index of its segment."""
-    chains, farthest = constraints.chains, 0.0
-    which = -1
-    for e in range(elements.node.shape[0]):
-        for k in range(3):
-            c = elements.chain[e, k]
-            if c < 0 or chains.shape[c] == STRAIGHT:
-                continue
-            a, b = ends_of(elements.node, e, k)
-            x, _ = midpoint_on_chain(position, constraints, c, a, b)
-            distance = norm(minus(x, times(0.5, plus(xy(position, a), xy(position, b)))))
-            if distance > farthest:
-                farthest, which = distance, c
-    return farthest, which
 
 
 @inner_kernel

@@ -155,17 +155,12 @@ def element_quality(position, node, e):
 
 
 @inner_kernel
-def tolerable(worst, floor):
-    return floor == UNGUARDED or (worst >= floor and worst > FLAT)
-
-
-@inner_kernel
 def allowed(after, before, floor):
     """Return True if the quality rule allows a change.
 
     The worst quality after the change must reach `floor` or the worst quality before.
     """
-    return tolerable(after, floor) or (after > FLAT and after >= before)
+    return floor == UNGUARDED or (after > FLAT and after >= min(floor, before))
 
 
 @inner_kernel

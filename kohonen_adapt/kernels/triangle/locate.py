@@ -68,7 +68,8 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
         own = region[t]
         v = start_nodes[t]
         if t % STRETCH > 0 and region[t - 1] == own:
-            v = nearer(position, v, winners[t - 1], x)
+            other = winners[t - 1]
+            v = other if squared_distance(position, other, x) < squared_distance(position, v, x) else v
         map_ = factor_at(shape, t)
         e = int(star.element[star.start[v]])  # the walk is inlined, because calls would take longer
         if not inner[v]:
@@ -141,11 +142,6 @@ def find_winners(mesh, points, shape, region, start_nodes, winners, distances, s
         else:
             winner, distance = find_winner(mesh, v, x, map_, own, scratch)
             winners[t], distances[t] = winner, distance
-
-
-@inner_kernel
-def nearer(position, v, other, x):
-    return other if squared_distance(position, other, x) < squared_distance(position, v, x) else v
 
 
 @inner_kernel

@@ -4,24 +4,17 @@ The guard of a single node requires that the other nodes of its elements rest. H
 together, so a smooth flow can move nodes over many edge lengths.
 """
 
-import math
-
-import numpy as np
-
 from kohonen_adapt.kernels.numba.compilation import inner_kernel, kernel
 from kohonen_adapt.kernels.stars import rows_of
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, OWN, SLIDING
 from kohonen_adapt.kernels.triangle.chains import nearest_parameter, point_at, tangent_at
 from kohonen_adapt.kernels.triangle.geometry import (
-    FLAT,
     allowed,
     element_quality,
-    ends_of,
     exceeds_quality,
     quality_bound,
 )
 from kohonen_adapt.kernels.vectors import (
-    cross,
     divided,
     dot,
     from_to,
@@ -47,20 +40,6 @@ def sum_weights(winners, region, weights, elements, star, mass):
         for k in rows_of(star, v):
             if elements.region[star.element[k]] == region[t]:
                 mass[star.element[k]] += weights[t] / count
-
-
-@kernel
-def find_crossings(position, elements, cluster, row, column, length):
-    count = 0
-    for e in range(elements.node.shape[0]):
-        for k in range(3):
-            other = elements.neighbour[e, k]
-            if other > e and elements.chain[e, k] < 0 and cluster[e] != cluster[other]:
-                a, b = ends_of(elements.node, e, k)
-                row[count], column[count] = cluster[e], cluster[other]
-                length[count] = length_of(position, a, b)
-                count += 1
-    return count
 
 
 @kernel
@@ -118,12 +97,6 @@ def smooth_moves(star, constraints, move, first, last, smoothed):
 
 
 @inner_kernel
-def length_of(position, a, b):
-    x, y = from_to(xy(position, a), position, b)
-    return math.hypot(x, y)
-
-
-@inner_kernel
 def project_on_boundary(constraints, v, move):
     chain = constraints.chain[v, OWN]
     if constraints.kind[v] == HELD or constraints.chains.paired[chain]:
@@ -131,16 +104,6 @@ def project_on_boundary(constraints, v, move):
         return
     tangent = tangent_at(constraints.chains, chain, constraints.parameter[v])
     put(move, v, times(dot(tangent, xy(move, v)), tangent))
-
-
-@kernel
-def measure_moves(position, star, move, first, last, ratio):
-    for v in range(first, last):
-        x = xy(position, v)
-        doubled = 0.0
-        for k in rows_of(star, v):
-            doubled += cross(from_to(x, position, star.ahead[k]), from_to(x, position, star.behind[k]))
-        ratio[v] = math.hypot(move[v, 0], move[v, 1]) / math.sqrt(max(doubled / 6.0, FLAT * FLAT))
 
 
 @kernel
@@ -234,20 +197,6 @@ def place_on_boundary(target, parameter, constraints, v):
 
 
 @kernel
-def mark_too_long(position, target, elements, chains, spoiled):
-    found = 0
-    for e in range(spoiled.shape[0]):
-        for k in range(3):
-            c = elements.chain[e, k]
-            if c >= 0 and chains.reach[c] < np.inf and not spoiled[e]:
-                a, b = ends_of(elements.node, e, k)
-                length, before = length_of(target, a, b), length_of(position, a, b)
-                spoiled[e] = length > chains.reach[c] and length > before
-                found += spoiled[e]
-    return found
-
-
-@kernel
 def stop_nodes(position, target, node, star, floor, spoiled, queue):
     last = 0
     for e in range(spoiled.shape[0]):
@@ -268,11 +217,3 @@ def stop_nodes(position, target, node, star, floor, spoiled, queue):
                     spoiled[other] = True
                     queue[last] = other
                     last += 1
-
-
-@kernel
-def accept_step(position, constraints, target, parameter, first, last):
-    for v in range(first, last):
-        if constraints.kind[v] == SLIDING and (target[v, 0] != position[v, 0] or target[v, 1] != position[v, 1]):
-            constraints.parameter[v] = parameter[v]
-        put(position, v, xy(target, v))
