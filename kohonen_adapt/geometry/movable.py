@@ -254,6 +254,14 @@ class Recycled:
     splits: int
     collapses: int
 
+    def followed_by(self, origins: Any, rows: Ints, splits: int, collapses: int) -> "Recycled":
+        """Return the changes including a further step.
+
+        The step has left `rows` of the nodes with `origins`.
+        """
+        counts = self.splits + splits, self.collapses + collapses
+        return Recycled(origins.old[rows], origins.start_element[rows], *counts)
+
 
 def unchanged(mesh: Triangulation | Tetrahedralization) -> Recycled:
     star = mesh.star

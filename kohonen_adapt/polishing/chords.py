@@ -11,6 +11,7 @@ from kohonen_adapt.geometry.plane.midsides import offsets_from_chords
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.triangle.arrays import ROUND, SLIDING
+from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.elements.polynomials import gradients
 from kohonen_adapt.mesh.triangulation import Triangulation
 from kohonen_adapt.polishing.energy_tables import constants_of
@@ -131,7 +132,7 @@ def cut_sources(triangulation: Triangulation, outline: Outline, constants: Float
 def bends_inwards(triangulation: Triangulation, outline: Outline, e: Ints, k: Ints) -> Mask:
     (a, b), offset = triangulation.elements.ends(e, k), offsets_from_chords(triangulation, outline.constraints, e, k)
     chord = triangulation.position[b] - triangulation.position[a]
-    return chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0] > 0.0
+    return determinants((chord.T, offset.T)) > 0.0
 
 
 def segment_areas(chord: Floats, offset: Floats) -> Floats:

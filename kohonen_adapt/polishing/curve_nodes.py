@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask, counted
-from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances
+from kohonen_adapt.geometry.plane.chains import on_chains, parameters_of, signed_distances, wrapped
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import HALVINGS
 from kohonen_adapt.kernels.triangle.geometry import FLAT
 from kohonen_adapt.kernels.triangle.polish.descend import OVERSTEP, ROUNDING
+from kohonen_adapt.mesh.cells import determinants
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
 from kohonen_adapt.polishing.chords import CENTROID, Slivers, segment_areas
 from kohonen_adapt.polishing.functional import Functional
@@ -121,9 +122,7 @@ class Stars(NamedTuple):
         return cls(movable, parts, node, dirichlet, owner, ahead, behind, reach, holder, ends, chain, parameter)
 
     def points(self, parameter: Floats) -> Floats:
-        chains = self.movable.constraints.chains
-        chain = self.movable.constraints.own_chain[self.node]
-        return self.movable.outline.points_on(chain, wrapped(parameter, chains.length[chain], chains.closed[chain]))
+        return self.movable.outline.points_on(self.movable.constraints.own_chain[self.node], parameter)
 
     def sides(self, x: Floats) -> FloatsPair:
         position = self.movable.triangulation.position
@@ -131,7 +130,7 @@ class Stars(NamedTuple):
 
     def worst(self, x: Floats) -> Floats:
         a, b = self.sides(x)
-        quality = 2.0 * np.sqrt(3.0) * cross(a, b) / (np.sum(a**2 + b**2 + (b - a) ** 2, axis=1))
+        quality = 2.0 * np.sqrt(3.0) * determinants((a.T, b.T)) / (np.sum(a**2 + b**2 + (b - a) ** 2, axis=1))
         least = np.full(len(self.node), np.inf)
         np.minimum.at(least, self.owner, quality)
         return least
@@ -152,7 +151,6 @@ class Stars(NamedTuple):
         at = np.where(own, parameter[self.owner[self.holder]][:, None], self.parameter)
         chains, position = self.movable.constraints.chains, self.movable.triangulation.position
         middle = at[:, 0] + 0.5 * signed_distances(chains, self.chain, at[:, 0], at[:, 1])
-        middle = wrapped(middle, chains.length[self.chain], chains.closed[self.chain])
         start, end = (
             np.where(own[:, i : i + 1], x[self.owner[self.holder]], position[self.ends[:, i]]) for i in range(2)
         )
@@ -173,7 +171,7 @@ class Stars(NamedTuple):
         # `area`, `offset` and `touches` (s,) belong to the slivers. `touches` is the value of the node's shape
         # function at the midpoint of the chord. Energies of elements precede energies of slivers.
         (a, b), own = self.sides(x), part.values[self.node][self.owner]
-        doubled = cross(a, b)
+        doubled = determinants((a.T, b.T))
         ua, ub = part.values[self.ahead], part.values[self.behind]
         holder = np.append(np.arange(len(doubled)), self.holder)
         hat = np.stack([a[:, 1] - b[:, 1], b[:, 0] - a[:, 0]], axis=1) / doubled[:, None]
@@ -218,9 +216,7 @@ def move_nodes(stars: Stars, near: Floats) -> float:
         gain = now - value
         accepted = ~done & stars.is_allowed(x, before) & (gain > ROUNDING * size)
         if accepted.any():
-            chain = movable.constraints.own_chain[node]
-            chains = movable.constraints.chains
-            settled = wrapped(start + change, chains.length[chain], chains.closed[chain])
+            settled = wrapped(movable.constraints.chains, movable.constraints.own_chain[node], start + change)
             movable.constraints.parameter[node[accepted]] = settled[accepted]
             movable.triangulation.position[node[accepted]] = x[accepted]
             for old, new in zip(changes_before, changes_after, strict=True):
@@ -232,11 +228,3 @@ def move_nodes(stars: Stars, near: Floats) -> float:
     for part, each in zip(stars.parts, changes_before, strict=True):
         part.values[node] += each
     return total
-
-
-def wrapped(parameter: Floats, length: Floats, closed: Mask) -> Floats:
-    return np.where(closed, parameter - np.floor(parameter / length) * length, np.clip(parameter, 0.0, length))
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

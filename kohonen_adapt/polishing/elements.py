@@ -9,6 +9,7 @@ from kohonen_adapt.arrays import Floats, FloatsPair, Int32s, Ints, padded
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.numba.compilation import zeros
 from kohonen_adapt.kernels.triangle.arrays import (
     CENTRE_X,
     CONSTANTS,
@@ -33,7 +34,6 @@ __all__ = [
     "hold_unpaired",
     "kinds_of",
     "line_of_chains",
-    "min_per_thread",
     "nodes_of_chains",
     "shapes_of",
     "signs_of_chains",
@@ -43,10 +43,6 @@ __all__ = [
 
 UNKNOWNS = (1, 4, 9)  # per node of a large mesh, by order
 FEW = 5_000  # elements or nodes of order 1 per thread at least; the work grows as the cube of the unknowns
-
-
-def min_per_thread(order: int) -> int:
-    return FEW // UNKNOWNS[order - 1] ** 3
 
 
 def shapes_of(ritz: Ritz, offsets: Floats, rows: int) -> Shapes:
@@ -63,7 +59,7 @@ def kinds_of(ritz: Ritz, triangulation: Triangulation) -> Ints | None:
 
 
 def without_modes(m: int) -> Modes:
-    return Modes(np.empty((m, 3, 0)), np.zeros(m), np.zeros((m, 3), bool))
+    return zeros(Modes, (m, 3, 0), m, (m, 3))
 
 
 def expanded(constants: Floats, corners: Floats, number: Ints, flux: Callable[[Floats, Ints], ArrayLike]) -> Floats:

@@ -1,6 +1,5 @@
 """Recycling by energy, collapses at low cost paired with splits of larger gain."""
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import Surgery
 from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.numba.compilation import zeros
 from kohonen_adapt.kernels.threads import even_cuts, number_of_threads, shared
 from kohonen_adapt.kernels.triangle.arrays import HELD, Offers, OpenMesh, SurgeryScratch
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
@@ -44,8 +44,7 @@ def recycle_by_energy(
     if not pairs:
         return Exchange(trial, recycled, 0.0, offered)
     kept, used = surgery.write_back(movable)
-    ancestry = {"old": mesh.origins.old[kept], "start_element": mesh.origins.start_element[kept]}
-    recycled = replace(recycled, splits=recycled.splits + pairs, collapses=recycled.collapses + pairs, **ancestry)
+    recycled = recycled.followed_by(mesh.origins, kept, pairs, pairs)
     return Exchange(without_spare_rows(spacious, kept, used), recycled, decrease, offered)
 
 
@@ -56,14 +55,14 @@ def offers_of(movable: MovableMesh, functional: Functional, fixed: Mask, mesh: O
     if functional.ritz.order == 1:
         is_open &= ~functional.dirichlet
     removable = functional.kinds(movable.outline, fixed) != HELD
-    locked = np.zeros(len(mesh.elements.node), bool)
-    return Offers(np.empty((m, 3)), np.empty(n), np.empty(n, np.int32), is_open, removable, locked)
+    return zeros(Offers, (m, 3), n, n, is_open, removable, len(mesh.elements.node))
 
 
 def with_spare_rows(trial: TrialFunction, nodes: int, elements: int) -> TrialFunction:
     dual = trial.dual and with_spare_rows(trial.dual, nodes, elements)
     modes = trial.modes and Modes(*(padded(array, elements, 0) for array in trial.modes))
-    return TrialFunction(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False), modes, dual)
+    surface = padded(trial.surface, nodes, 0.0) if len(trial.surface) else trial.surface
+    return TrialFunction(padded(trial.values, nodes, 0.0), padded(trial.fixed, nodes, False), modes, dual, surface)
 
 
 def without_spare_rows(trial: TrialFunction, kept: Ints, used: Ints) -> TrialFunction:

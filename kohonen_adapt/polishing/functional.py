@@ -11,7 +11,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.outline import Outline
 from kohonen_adapt.kernels.arrays import KernelMesh
 from kohonen_adapt.kernels.functionals import Laws
-from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Trial, Trials
+from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING, OpenMesh, Trial
 from kohonen_adapt.mesh.elements.polynomials import (
     TrialFunction,
     local_coefficients,
@@ -160,14 +160,14 @@ class Functional:
         kind = outline.constraints.kind
         count = len(outline.constraints.chains.length)
         chain, node = nodes_of_chains(triangulation)
-        whole = np.bincount(chain, weights=~fixed[node], minlength=count) == 0
-        partly = np.bincount(chain, weights=fixed[node] & (kind[node] == SLIDING), minlength=count) > 0
-        bare = np.bincount(chain, weights=kind[node] == SLIDING, minlength=count) == 0
+        whole = np.bincount(chain, ~fixed[node], count) == 0
+        partly = np.bincount(chain, fixed[node] & (kind[node] == SLIDING), count) > 0
+        bare = np.bincount(chain, kind[node] == SLIDING, count) == 0
         on_chain, deviation = line_of_chains(triangulation, outline, chain, node, values)
         if modes is not None and ritz.order > 1:
             e, k = np.nonzero(triangulation.elements.chain >= 0)
             side = triangulation.elements.chain[e, k]
-            whole &= np.bincount(side, weights=~modes.dirichlet[e, k], minlength=count) == 0
+            whole &= np.bincount(side, ~modes.dirichlet[e, k], count) == 0
             np.maximum.at(deviation, side, np.abs(modes.side[e, k]).max(axis=1))
         followed = outline.straight | (movable.curved and ritz.order <= FOLLOWED)
         linear = whole & ~bare & followed & (deviation <= LINEAR * np.ptp(values))
@@ -222,11 +222,12 @@ class Functional:
     def energy_beyond_chords(self, triangulation: Triangulation, trial: TrialFunction) -> float:
         return sum(part.chords.value(triangulation, own.values) for part, own in self.parts(trial))
 
-    def trials(self, triangulation: Triangulation, trial: TrialFunction) -> Trials:
+    def trials(self, triangulation: Triangulation, trial: TrialFunction) -> tuple[Trial, Trial]:
+        # a missing dual has no values
         primal = self.trial(triangulation, trial.values, trial.fixed)
         if self.dual is None or trial.dual is None:
-            return Trials(primal, primal._replace(value=primal.value[:0]))
-        return Trials(primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed))
+            return primal, primal._replace(value=primal.value[:0])
+        return primal, self.dual.trial(triangulation, trial.dual.values, trial.fixed)
 
     def loops(self, movable: MovableMesh, trial: TrialFunction, mesh: KernelMesh | OpenMesh) -> Loops:
         mesh = KernelMesh(mesh.position, mesh.elements, movable.triangulation.star, mesh.constraints)

@@ -7,10 +7,10 @@ import numpy as np
 
 from kohonen_adapt.arrays import Int32s, Ints, Mask
 from kohonen_adapt.kernels.arrays import KernelMesh, Modes
-from kohonen_adapt.kernels.triangle.arrays import WITH, WITHOUT, Descents, Offers, OpenMesh, Shapes, Trials
+from kohonen_adapt.kernels.triangle.arrays import WITH, WITHOUT, Descents, Offers, OpenMesh, Shapes, Trial
 from kohonen_adapt.kernels.triangle.polish import descend, exchange, flips
 from kohonen_adapt.mesh.elements.polynomials import quadrature_points, reference
-from kohonen_adapt.polishing.elements import min_per_thread, without_modes
+from kohonen_adapt.polishing.elements import FEW, UNKNOWNS, without_modes
 
 __all__ = ["Loops"]
 
@@ -29,7 +29,7 @@ class Loops:
     def __init__(
         self,
         mesh: KernelMesh,
-        trials: Trials,
+        trials: tuple[Trial, Trial],
         modes: tuple[Modes, ...],
         shapes: Shapes | None,
         order: int,
@@ -42,7 +42,7 @@ class Loops:
         affine function. `floor` is the minimum quality after a change.
         """
         self.star, self.floor = mesh.star, floor
-        self.few = min_per_thread(order)
+        self.few = FEW // UNKNOWNS[order - 1] ** 3
         self.higher = WITHOUT if shapes is None else WITH
         functions = reference(order), quadrature_points(order), shapes or NO_SHAPES
         self.function = mesh, trials, modes or (without_modes(0),), functions

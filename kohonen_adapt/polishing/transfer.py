@@ -6,6 +6,7 @@ from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.geometry.plane.chains import on_chains
 from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.kernels.arrays import Modes
+from kohonen_adapt.kernels.numba.compilation import zeros
 from kohonen_adapt.kernels.triangle.arrays import FREE, HELD, SLIDING
 from kohonen_adapt.mesh.curved import AFTER, BEFORE, CurvedElements
 from kohonen_adapt.mesh.elements.polynomials import (
@@ -105,7 +106,7 @@ def transferred_modes(
     if not degrees:
         return without_modes(m)
     start = start_elements(old.triangulation, new, start_element)
-    modes = Modes(np.empty((m, 3, degrees)), np.zeros(m), dirichlet_sides(functional, movable, fixed))
+    modes = zeros(Modes, (m, 3, degrees), m, dirichlet_sides(functional, movable, fixed))
     points, centroids = places_inside(movable, order)
     e, k = np.nonzero(elements.neighbour < np.arange(m)[:, None])
     own = np.empty((m, 3, degrees))
@@ -115,7 +116,7 @@ def transferred_modes(
     own[across, np.argmax(elements.neighbour[across] == e[:, None], axis=1)] = own[e, k, ::-1]
     kind = kinds_of(functional.ritz, new)
     set_sides(modes, values[elements.node], own, kind)
-    modes.side[modes.dirichlet & straight_sides(functional, movable)] = 0.0
+    modes.side[modes.dirichlet & on_chains(elements.chain, functional.linear)] = 0.0
     if order == 3:
         set_bubbles(modes, values[elements.node], old.at(centroids, start), kind)
     return modes
@@ -146,10 +147,6 @@ def dirichlet_sides(functional: Functional, movable: MovableMesh, fixed: Mask) -
     inside = fixed & (constraints.kind == FREE)
     ends = elements.node[:, AFTER], elements.node[:, BEFORE]
     return dirichlet | (fixed[ends[0]] & fixed[ends[1]] & (inside[ends[0]] | inside[ends[1]]))
-
-
-def straight_sides(functional: Functional, movable: MovableMesh) -> Mask:
-    return on_chains(movable.triangulation.elements.chain, functional.linear)
 
 
 def start_elements(old: Triangulation, new: Triangulation, start_element: Ints) -> Ints:

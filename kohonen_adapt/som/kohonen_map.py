@@ -193,12 +193,8 @@ class KohonenMap:
     def _finder(self) -> Finder:
         movable = self._movable
         region = self._trainer.neurons.elements.region.copy()
-        if isinstance(movable, MovableSolid):
-            has_curves = False
-            locator = Locator(movable.tetrahedralization)
-        else:
-            has_curves = movable.curved
-            locator = Locator(movable.triangulation)
+        has_curves = movable.curved and isinstance(movable, MovableMesh)
+        locator = Locator(movable.tessellation)
 
         def find(rows: Floats) -> tuple[Int32s, Int32s]:
             element = find_elements(self.mesh, rows.T) if has_curves else locator.find(rows)

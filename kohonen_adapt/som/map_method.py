@@ -1,9 +1,9 @@
 """Parts of the Kohonen map that depend on the dimension of the mesh."""
 
-from abc import ABC, abstractmethod
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import floor, log2
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -19,7 +19,8 @@ from kohonen_adapt.som.schedule import Schedule, Stage
 __all__ = ["MapMethod", "map_method_of"]
 
 
-class MapMethod(ABC):
+@dataclass(frozen=True)
+class MapMethod:
     """Kernels and settings of the Kohonen map for one kind of element.
 
     Attributes
@@ -32,68 +33,64 @@ class MapMethod(ABC):
         Kernels, which take the same arguments for both kinds of element.
     updates
         Updates of nodes per batch, so that Ctrl-C takes effect within half a second.
+    barycentric
+        Uniform random barycentric coordinates 1 to dim of points, (dim, count).
+    ring
+        Number of nodes in each ring around a node of a regular mesh.
+    schedule
+        Default schedule, without sweeps, by the number of nodes and the topology.
     """
 
-    cell: ClassVar[Cell]
-    kernel_groups: ClassVar[tuple[str, ...]]
-    find_winners: ClassVar[Any]
-    learn: ClassVar[Any]
-    mark_valid: ClassVar[Any]
-    updates: ClassVar[int]
-
-    @abstractmethod
-    def barycentric(self, count: int, rng: Generator) -> Floats:
-        """Return uniform random barycentric coordinates 1 to dim, (dim, count)."""
-
-    @abstractmethod
-    def ring(self, rings: Ints) -> Ints:
-        """Return the number of nodes in each ring around a node of a regular mesh."""
-
-    @abstractmethod
-    def schedule(self, nnodes: int, topology: str) -> Schedule:
-        """Return the default schedule, without sweeps."""
+    cell: Cell
+    kernel_groups: tuple[str, ...]
+    find_winners: Any
+    learn: Any
+    mark_valid: Any
+    updates: int
+    barycentric: Callable[[int, Generator], Floats]
+    ring: Callable[[Ints], Ints]
+    schedule: Callable[[int, str], Schedule]
 
 
-class PlaneMap(MapMethod):
-    cell = TRIANGLE
-    kernel_groups = "ground", "map", "transport", "locating"
-    find_winners = staticmethod(locate.find_winners)
-    learn = staticmethod(train.learn)
-    mark_valid = staticmethod(geometry.mark_valid)
-    updates = 5_000_000
-
-    def barycentric(self, count: int, rng: Generator) -> Floats:
-        u, v = rng.random((2, count))
-        outside = u + v > 1.0
-        return np.stack([np.where(outside, 1.0 - u, u), np.where(outside, 1.0 - v, v)])
-
-    def ring(self, rings: Ints) -> Ints:
-        return np.maximum(1, 6 * rings)
-
-    def schedule(self, nnodes: int, topology: str) -> Schedule:
-        return replace(Schedule.default(nnodes, topology=topology), sweeps=0)
+def points_of_triangle(count: int, rng: Generator) -> Floats:
+    points = rng.random((2, count))
+    return np.where(points.sum(axis=0) > 1.0, 1.0 - points, points)
 
 
-class SpaceMap(MapMethod):
-    cell = TETRAHEDRON
-    kernel_groups = "space ground", "space map", "space moves", "space locating"
-    find_winners = staticmethod(locate_in_space.find_winners)
-    learn = staticmethod(train_in_space.learn)
-    mark_valid = staticmethod(guard_in_space.mark_valid)
-    updates = 500_000
+def points_of_tetrahedron(count: int, rng: Generator) -> Floats:
+    return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
 
-    def barycentric(self, count: int, rng: Generator) -> Floats:
-        return np.diff(np.sort(rng.random((3, count)), axis=0), axis=0, prepend=0.0)
 
-    def ring(self, rings: Ints) -> Ints:
-        return np.where(rings == 0, 1, 12 * rings**2 + 2)  # of cubes cut into six tetrahedra
+def schedule_in_space(nnodes: int, topology: str) -> Schedule:
+    doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
+    radii = [2**k for k in range(doublings, 0, -1)]
+    stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]
+    return Schedule((*stages, Stage(1, 5, (0.3, 0.1))))
 
-    def schedule(self, nnodes: int, topology: str) -> Schedule:
-        doublings = max(0, floor(log2(max(1.0, 0.3 * nnodes ** (1 / 3)))))
-        radii = [2**k for k in range(doublings, 0, -1)]
-        stages = [Stage(r, 2, min(0.3, 1 / r), points_per_neuron=4 / r**2) for r in radii]
-        return Schedule((*stages, Stage(1, 5, (0.3, 0.1))))
+
+PLANE = MapMethod(
+    TRIANGLE,
+    ("ground", "map", "transport", "locating"),
+    locate.find_winners,
+    train.learn,
+    geometry.mark_valid,
+    5_000_000,
+    points_of_triangle,
+    lambda rings: np.maximum(1, 6 * rings),
+    lambda nnodes, topology: replace(Schedule.default(nnodes, topology=topology), sweeps=0),
+)
+SPACE = MapMethod(
+    TETRAHEDRON,
+    ("space ground", "space map", "space moves", "space locating"),
+    locate_in_space.find_winners,
+    train_in_space.learn,
+    guard_in_space.mark_valid,
+    500_000,
+    points_of_tetrahedron,
+    lambda rings: np.where(rings == 0, 1, 12 * rings**2 + 2),  # of cubes cut into six tetrahedra
+    schedule_in_space,
+)
 
 
 def map_method_of(dim: int) -> MapMethod:
-    return SpaceMap() if dim == TETRAHEDRON.dim else PlaneMap()
+    return SPACE if dim == TETRAHEDRON.dim else PLANE

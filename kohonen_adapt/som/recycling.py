@@ -29,6 +29,7 @@ from kohonen_adapt.kernels.triangle.surgery import (
     midpoint,
     split,
 )
+from kohonen_adapt.mesh.cells import TRIANGLE
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["RATIO", "recycle_nodes", "recycle_pairs", "starts_of"]
@@ -80,8 +81,7 @@ def recycle_nodes(
     if not splits and not collapses:
         return done
     rows, _ = surgery.write_back(movable, renumbered=pairs)
-    counts = done.splits + splits, done.collapses + collapses
-    return Recycled(surgery.mesh.origins.old[rows], surgery.mesh.origins.start_element[rows], *counts)
+    return done.followed_by(surgery.mesh.origins, rows, splits, collapses)
 
 
 def recycled_pairs(
@@ -97,9 +97,8 @@ def recycled_pairs(
         return np.arange(movable.nnodes), density, done
     rows, _ = surgery.write_back(movable)
     movable.flip()
-    counts = done.splits + splits, done.collapses + collapses
     row = np.where(origins.is_new[rows], -1, rows)
-    return row, origins.density[rows], Recycled(origins.old[rows], origins.start_element[rows], *counts)
+    return row, origins.density[rows], done.followed_by(origins, rows, splits, collapses)
 
 
 def exchange(mesh: OpenMesh, floor: float, missing: int, ratio: float) -> tuple[int, int]:
@@ -175,8 +174,7 @@ def recycle_pairs(mesh: OpenMesh, target: int, both: bool, floor: float) -> tupl
 
 def desired_length(mesh: OpenMesh, target: int) -> float:
     node = mesh.elements.node[mesh.elements.node[:, 0] >= 0]
-    (ax, ay), (bx, by) = (mesh.position[node[:, k]].T - mesh.position[node[:, 0]].T for k in (1, 2))
-    areas = 0.5 * (ax * by - ay * bx)
+    areas = 0.5 * TRIANGLE.determinant(mesh.position.T[:, node.T])
     return float(EQUILATERAL * np.sum(areas * mesh.origins.density[node].mean(axis=1)) / target)
 
 

@@ -139,9 +139,9 @@ def node_masses(elements: Elements, masses: Floats) -> Floats:
     """Return the mass of the density at every node, (n,), with mean 1 in a region."""
     node, region = elements.node, elements.region
     degree = np.bincount(node.ravel())
-    nodes_of_region = np.bincount(region, weights=np.sum(1.0 / degree[node], axis=1))
-    fraction = masses * (nodes_of_region / np.bincount(region, weights=masses))[region] / 3.0
-    return np.bincount(node.ravel(), weights=np.repeat(fraction, 3)).astype(np.float64)
+    nodes_of_region = np.bincount(region, np.sum(1.0 / degree[node], axis=1))
+    fraction = masses * (nodes_of_region / np.bincount(region, masses))[region] / 3.0
+    return np.bincount(node.ravel(), np.repeat(fraction, 3)).astype(np.float64)
 
 
 def loops_in_space(topology: str, schedule: Schedule | None) -> tuple[str, ...]:

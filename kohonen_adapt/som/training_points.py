@@ -109,7 +109,7 @@ class Density:
     def at_nodes(self) -> Floats:
         node = self.elements.node
         values = self.masses / self.sizes
-        return np.bincount(node.ravel(), weights=np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
+        return np.bincount(node.ravel(), np.repeat(values, node.shape[1])) / np.bincount(node.ravel())
 
     def draw(self, number: int, rng: Generator) -> Draw:
         points, element = self._drawn(number, rng)

@@ -44,6 +44,7 @@ __all__ = [
     "points_on",
     "signed_distances",
     "spans_of",
+    "wrapped",
 ]
 
 MAX_TURN = np.deg2rad(30.0)  # maximum turn of the tangent along a facet
@@ -305,7 +306,15 @@ def signed_distances(chains: Chains, chain: Ints, start: Floats, end: Floats) ->
     return np.where(wraps, distance - np.copysign(length, distance), distance)
 
 
+def wrapped(chains: Chains, chain: Ints, parameter: Floats) -> Floats:
+    # within the segments, on open ones the nearest
+    length = chains.length[chain]
+    inside = np.clip(parameter, 0.0, length)
+    return np.where(chains.closed[chain], parameter - np.floor(parameter / length) * length, inside)
+
+
 def points_on(constraints: Constraints, chain: Ints, parameter: Floats) -> Floats:
+    parameter = wrapped(constraints.chains, chain, parameter)
     along = constraints._replace(chain=np.stack([chain, chain], axis=1).astype(np.int32), parameter=parameter)
     points = np.empty((len(chain), 2))
     look_up(along, np.arange(len(chain)), points)

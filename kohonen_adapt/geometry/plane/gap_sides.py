@@ -5,7 +5,6 @@ relations "same side" and "opposite side".
 """
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, triu
@@ -18,21 +17,17 @@ from kohonen_adapt.mesh.adjacency import across
 from kohonen_adapt.mesh.names import connected_components_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
-__all__ = ["Views", "facing_sides", "views_across"]
-
-
-class Views(NamedTuple):
-    start: Ints  # (s,) segment on which the ray starts
-    end: Ints  # (s,) segment that the ray hits
-    nearness: Floats  # (s,) squared cosine of the angle of incidence divided by the length of the ray
+__all__ = ["facing_sides", "views_across"]
 
 
 def views_across(
     triangulation: Triangulation, constraints: Constraints, inside: Mask, element: Ints, corner: Ints, step: Floats
-) -> Views:
+) -> tuple[Ints, Ints, Floats]:
     """Cast rays inward from edges, through regions of the mask `inside` (r,).
 
-    Rays start at intervals `step`, shape (c,), along every segment, and do not depend on the nodes of the segment.
+    Returned are the segments on which rays start, the segments that they hit, and the squared cosine of the angle of
+    incidence divided by the length of the ray. Rays start at intervals `step`, shape (c,), along every segment, and do
+    not depend on the nodes of the segment.
     """
     elements = triangulation.elements
     z = as_complex(triangulation.position)
@@ -46,7 +41,7 @@ def views_across(
     edge = np.repeat(np.arange(len(c)), count)
     at = (counted(count) + ends[0, edge] + 0.5) * step[c[edge]]
     points = z[a[edge]] + (at - start[edge]) / distance[edge] * (z[b] - z[a])[edge]
-    return Views(c[edge], *trace_rays(z, elements, inside, element[edge], corner[edge], points))
+    return c[edge], *trace_rays(z, elements, inside, element[edge], corner[edge], points)
 
 
 def trace_rays(

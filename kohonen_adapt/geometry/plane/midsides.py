@@ -73,14 +73,11 @@ def relative_determinants(corners: Floats, offsets: Floats) -> Floats:
 
 def offsets_from_chords(triangulation: Triangulation, constraints: Constraints, e: Ints, k: Ints) -> Floats:
     position = triangulation.position
-    chains = constraints.chains
     chain = triangulation.elements.chain[e, k]
     ends = triangulation.elements.ends(e, k)
     start, distance = spans_of(position, constraints, chain, ends)
-    middle = start + 0.5 * distance
-    length = chains.length[chain]
-    round_ = np.where(chains.closed[chain], np.floor(middle / length), 0.0)
-    return points_on(constraints, chain, middle - round_ * length) - 0.5 * (position[ends[0]] + position[ends[1]])
+    middle = points_on(constraints, chain, start + 0.5 * distance)
+    return middle - 0.5 * (position[ends[0]] + position[ends[1]])
 
 
 def area_cut_off(triangulation: Triangulation, constraints: Constraints) -> float:

@@ -16,7 +16,7 @@ from kohonen_adapt.geometry.rules import Rules, checked_layers
 from kohonen_adapt.kernels.arrays import Metric, Pool
 from kohonen_adapt.kernels.numba.compilation import interpreted
 from kohonen_adapt.kernels.ordering import along_curve
-from kohonen_adapt.kernels.triangle.arrays import SLIDING, Elements, OpenMesh, Origins, SurgeryScratch
+from kohonen_adapt.kernels.triangle.arrays import SLIDING, OpenMesh, Origins, SurgeryScratch
 from kohonen_adapt.kernels.triangle.surgery import find_edge, midpoint, split
 from kohonen_adapt.log import logger
 from kohonen_adapt.mesh.triangulation import Triangulation
@@ -78,8 +78,9 @@ class Surgery:
         mesh before the earlier steps `done`.
         """
         n = movable.nnodes
-        m = len(movable.triangulation.elements.node)
-        on_boundary = np.bincount(outer_edges(movable.triangulation.elements).ravel(), minlength=n)
+        elements = movable.triangulation.elements
+        m = len(elements.node)
+        on_boundary = np.bincount(np.concatenate(elements.ends(*np.nonzero(elements.neighbour < 0))), minlength=n)
         rows, spare = target + 1, m + int(np.count_nonzero(on_boundary)) + 2 * (target - n) + 4
         state = movable.padded_state(rows, spare, UNUSED)
         anchor = padded(unchanged(movable.triangulation).start_element, rows, -1)
@@ -93,7 +94,7 @@ class Surgery:
             padded(on_boundary > 2, rows, False),
             padded(longest_merged(movable), rows, np.inf),
         )
-        records = with_state(movable.triangulation.elements, movable.constraints, state)
+        records = with_state(elements, movable.constraints, state)
         scratch, metric = SurgeryScratch.of(rows, spare), Metric(state["shape"], relief)
         return cls(state, OpenMesh(state["position"], *records, pool, origins, scratch, metric))
 
@@ -111,10 +112,6 @@ class Surgery:
 def longest_merged(movable: MovableMesh) -> Floats:
     even = np.append(movable.constraints.chains.even, np.inf)
     return even[np.where(movable.constraints.kind == SLIDING, movable.constraints.own_chain, -1)]
-
-
-def outer_edges(elements: Elements) -> Ints:
-    return np.stack(elements.ends(*np.nonzero(elements.neighbour < 0)), axis=1)
 
 
 MOST = 8  # maximum number of layers that is made; more must be in the input mesh

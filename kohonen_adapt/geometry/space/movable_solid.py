@@ -22,7 +22,7 @@ from kohonen_adapt.geometry.space.projection import (
     volume_cut_off,
 )
 from kohonen_adapt.geometry.space.recognition import patches_of
-from kohonen_adapt.geometry.space.ridges import Ridges, freedom_of, ridges_of
+from kohonen_adapt.geometry.space.ridges import freedom_of, ridges_of
 from kohonen_adapt.kernels.arrays import KernelMesh, Metric
 from kohonen_adapt.kernels.tetrahedron.arrays import (
     HELD,
@@ -33,7 +33,6 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
     ROUND_METRIC,
     Constraints,
     Freedom,
-    Samples,
     Surfaces,
 )
 from kohonen_adapt.log import logger
@@ -103,7 +102,8 @@ class MovableSolid(Movable):
         elements = tet.elements
         write_on_both_sides(elements.patch, elements.neighbour, faces.element, faces.corner, patches.of_face)
         freedom = freedom_of(faces, patches, ridges, pinned, tet.position)
-        there = surfaces_of(patches, ridges, samples_of(faces, patches, tet.position))
+        shapes = patches.shape, patches.origin, patches.axis, patches.size
+        there = Surfaces(*shapes, ridges.meets, *ridges.curves, samples_of(faces, patches, tet.position))
         curved_output = bool(wanted) and (len(input_edges.ends) > 0 or bool(np.any(patches.shape != PLANE)))
         return cls(
             tetrahedralization=tet,
@@ -233,21 +233,6 @@ def inner_nodes(tet: Tetrahedralization) -> Mask:
     inner = np.ones(tet.nnodes, bool)
     inner[node[one[node] != region[:, None]]] = False
     return inner
-
-
-def surfaces_of(patches: Patches, ridges: Ridges, samples: Samples) -> Surfaces:
-    return Surfaces(
-        shape=patches.shape,
-        origin=patches.origin,
-        axis=patches.axis,
-        size=patches.size,
-        meets=ridges.meets,
-        ridge_shape=ridges.curves.shape,
-        ridge_origin=ridges.curves.origin,
-        ridge_axis=ridges.curves.axis,
-        ridge_size=ridges.curves.size,
-        samples=samples,
-    )
 
 
 def with_round_edges(mesh: MeshTet) -> MeshTet:

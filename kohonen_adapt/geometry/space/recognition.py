@@ -76,7 +76,7 @@ def planes_of(faces: Faces, patch: Ints, first: Ints, position: Floats) -> Shape
     largest = np.lexsort((-np.einsum("ij,ij->i", across, across), patch))
     reference = across[largest[np.flatnonzero(np.diff(patch[largest], prepend=-1))]]
     across *= np.sign(np.einsum("ij,ij->i", across, reference[patch]))[:, None]
-    total = np.stack([np.bincount(patch, weights=column) for column in across.T], axis=1)
+    total = np.stack([np.bincount(patch, column) for column in across.T], axis=1)
     axis = total / np.linalg.norm(total, axis=1, keepdims=True)
     shape = np.full(len(first), PLANE, np.int8)
     return Shapes(shape, position[faces.nodes[first, 0]], axis, np.zeros(len(first)))
@@ -182,7 +182,7 @@ def with_steep_faces(skin: Skin, pairs: Ints, rounds: Rounds) -> Rounds:
         inside = np.isin(np.arange(len(free)), part)
         joins = steep = free & near(skin, each) if each.shape == SPHERE else np.zeros_like(free)
         while joins.any():
-            beside = np.bincount(pairs.ravel(), weights=inside[pairs[:, ::-1]].ravel(), minlength=len(free))
+            beside = np.bincount(pairs.ravel(), inside[pairs[:, ::-1]].ravel(), len(free))
             joins = steep & ~inside & (beside >= 2)
             inside |= joins
         free &= ~inside

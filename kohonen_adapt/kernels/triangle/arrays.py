@@ -160,12 +160,6 @@ class Trial(NamedTuple):
 
 
 @record
-class Trials(NamedTuple):
-    primal: Trial
-    dual: Trial  # the dual, of linear material, with the same fixed values; without values if missing
-
-
-@record
 class Reference(NamedTuple):
     """Functions of order 1, 2 or 3 on the triangle (0, 0), (1, 0), (0, 1).
 
@@ -285,13 +279,17 @@ class Descents(NamedTuple):
 
     @classmethod
     def of(
-        cls, mesh: KernelMesh, trials: Trials, modes: tuple[Modes, ...], shapes: tuple[Reference, Points, Shapes]
+        cls,
+        mesh: KernelMesh,
+        trials: tuple[Trial, Trial],
+        modes: tuple[Modes, ...],
+        shapes: tuple[Reference, Points, Shapes],
     ) -> "Descents":
         most = int(np.diff(mesh.star.start).max())
         primal, dual = (Block.of(most, len(shapes[0].mean)) for _ in trials)
-        first = Descent(*mesh, trials.primal, modes[0], *shapes, primal)
-        second = Descent(*mesh, trials.dual, modes[-1], *shapes, dual)
-        return cls(first, second, 2 if len(trials.dual.value) else 1)
+        first = Descent(*mesh, trials[0], modes[0], *shapes, primal)
+        second = Descent(*mesh, trials[1], modes[-1], *shapes, dual)
+        return cls(first, second, 2 if len(trials[1].value) else 1)
 
 
 @record

@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, Ints, Mask, copied, padded
+from kohonen_adapt.arrays import Floats, Ints, Mask, copied
 from kohonen_adapt.geometry.movable import Recycled
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.geometry.space.open_solid import OpenSolid
@@ -27,11 +27,14 @@ from kohonen_adapt.kernels.tetrahedron.arrays import (
 from kohonen_adapt.kernels.tetrahedron.polish.descend import descend_nodes
 from kohonen_adapt.kernels.tetrahedron.swap import enter_changed, swap_downhill
 from kohonen_adapt.mesh.elements.polynomials import TrialFunction
+from kohonen_adapt.polishing.energy_recycling import with_spare_rows
 from kohonen_adapt.polishing.polish import SETTLED
 from kohonen_adapt.polishing.space.curved_sides import CurvedEdges
 from kohonen_adapt.polishing.space.recycling_in_space import (
     EXCHANGES,
     MANY,
+    MORE,
+    SPARE,
     Function,
     Plan,
     edges_of_patches,
@@ -39,7 +42,6 @@ from kohonen_adapt.polishing.space.recycling_in_space import (
     exchanged,
     nodes_of,
     on_patches,
-    rows_of_order_2,
     sample_of,
     size_of,
     weighed,
@@ -51,13 +53,6 @@ __all__ = ["SpaceDescent"]
 LOOKS = 50_000, 10_000  # elements per compiled call by order, at most 0.5 s: Ctrl-C is handled between calls only
 CHANGED = 0.1  # relative change of volume or energy after which an element is searched again
 SWEEPS_PER_SWAP = 1, 2  # by order
-
-
-def with_origins(opened: OpenSolid, recycled: Recycled) -> OpenSolid:
-    origins = opened.mesh.origins
-    n = len(recycled.old)
-    origins.old[:n], origins.start_element[:n] = recycled.old, recycled.start_element
-    return opened
 
 
 @dataclass(frozen=True)
@@ -116,21 +111,17 @@ class SpaceDescent:
     def of(
         cls, movable: MovableSolid, functional: SolidFunctional, trial: TrialFunction, recycled: Recycled
     ) -> "SpaceDescent":
-        modes = trial.modes
-        target = 0 if trial.modes is None else rows_of_order_2(movable.nnodes)
-        opened = with_origins(OpenSolid.of(movable, np.ones(movable.nnodes), target, relief=1.0), recycled)
+        target = 0 if trial.modes is None else movable.nnodes + movable.nnodes // SPARE + MORE
+        opened = OpenSolid.of(movable, np.ones(movable.nnodes), target, relief=1.0)
         mesh = opened.mesh
+        mesh.origins.old[: movable.nnodes] = recycled.old
+        mesh.origins.start_element[: movable.nnodes] = recycled.start_element
         rows = len(opened.mesh.position)
-        fixed = padded(trial.fixed, rows, False)
-        surface = trial.surface
-        if modes is not None:
-            modes = Modes(*(padded(array, len(mesh.elements.node), 0) for array in modes))
-        if len(surface):
-            surface = padded(surface, rows, 0.0)
+        values, fixed, modes, _, surface = with_spare_rows(trial, rows, len(mesh.elements.node))
         if len(surface) and modes is not None:  # loads do no work if the values on their surfaces are given
             fixed |= on_patches(mesh, functional.driven)
             modes.dirichlet[:] |= edges_of_patches(mesh, functional.driven)
-        own = functional.trial(padded(trial.values, rows, 0.0), fixed, surface)
+        own = functional.trial(values, fixed, surface)
         rules = (movable.polish_floor, movable.flips)
         seen = np.zeros((len(mesh.elements.node), 2))
         common = movable, recycled, opened, functional, own, *rules, seen
@@ -200,11 +191,9 @@ class SpaceDescent:
 
     def close(self) -> Recycled:
         # Recycled meshes are numbered along a space-filling curve. At order 2 not as many nodes are removed as added.
-        nodes, origins, recycled = self.movable.nnodes, self.opened.mesh.origins, self.recycled
+        nodes = self.movable.nnodes
         rows = self.opened.write_back(self.movable, renumbered=self.pairs > 0)
-        collapses = recycled.collapses + self.pairs + nodes - len(rows)
-        ancestry = {"old": origins.old[rows], "start_element": origins.start_element[rows]}
-        return replace(recycled, splits=recycled.splits + self.pairs, collapses=collapses, **ancestry)
+        return self.recycled.followed_by(self.opened.mesh.origins, rows, self.pairs, self.pairs + nodes - len(rows))
 
     def value(self) -> float:
         function = TrialFunction(self.trial.value, self.trial.fixed, self.modes, surface=self.trial.surface)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kohonen_adapt.arrays import Ints, Mask, sorted_below
+from kohonen_adapt.kernels.numba.compilation import zeros
 from kohonen_adapt.kernels.tetrahedron.arrays import Cavity, Offers, OpenTetrahedra, Quadratic, Queue, Trial
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
 from kohonen_adapt.kernels.tetrahedron.polish.exchange import (
@@ -29,7 +30,6 @@ __all__ = [
     "exchanged",
     "nodes_of",
     "on_patches",
-    "rows_of_order_2",
     "sample_of",
     "size_of",
     "weighed",
@@ -59,18 +59,13 @@ class Plan(NamedTuple):
     price: float  # at which gains and costs are equal
 
 
-def rows_of_order_2(nodes: int) -> int:
-    return nodes + nodes // SPARE + MORE
-
-
 def sample_of(nodes: Ints) -> Ints:
     return np.sort(np.random.default_rng(SEED).permutation(nodes)[: max(SAMPLE, len(nodes) // FRACTION)])
 
 
 def empty_offers(mesh: OpenTetrahedra, is_open: Mask, removable: Mask, lone: Mask) -> Offers:
     rows = len(mesh.position)
-    gain, cost = np.zeros((len(mesh.elements.node), 6)), np.full(rows, np.inf)
-    return Offers(gain, cost, is_open, removable, lone, np.zeros(rows, bool))
+    return zeros(Offers, (len(mesh.elements.node), 6), np.full(rows, np.inf), is_open, removable, lone, rows)
 
 
 def margin_of(function: Function) -> float:

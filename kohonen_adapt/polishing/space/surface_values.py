@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints, IntsPair, Mask, unique_pairs
 from kohonen_adapt.kernels.arrays import Modes
 from kohonen_adapt.kernels.tetrahedron.arrays import HELD, LOAD, ON_PATCH, ON_RIDGE, Freedom, Surfaces
 from kohonen_adapt.kernels.tetrahedron.geometry import EDGES
@@ -49,20 +49,20 @@ def dirichlet_on(
     patches = len(surfaces.shape)
     count = patches + len(surfaces.ridge_shape)
     patch, node = nodes_of_patches(tet)
-    touched = np.bincount(patch, weights=fixed[node], minlength=patches) > 0
+    touched = np.bincount(patch, fixed[node], patches) > 0
     place, node = np.concatenate([[patch, node], ends_of_ridges(tet, surfaces, freedom)], axis=1)
     slides = np.isin(freedom.number, (ON_PATCH, ON_RIDGE))
     own = freedom.place + np.where(freedom.number == ON_RIDGE, patches, 0)
     bare = np.bincount(own[slides], minlength=count) == 0
     partly = np.bincount(own[slides & fixed], minlength=count) > 0
-    whole = np.bincount(place, weights=~fixed[node], minlength=count) == 0
+    whole = np.bincount(place, ~fixed[node], count) == 0
     near = ridges_at(surfaces, touched)
     unknown = bare & np.append(whole[:patches], near)
     there = corner_values(values, solution.surface, node, reduced[place])
     rate, deviation = linear_fits(place, tet.position[node], there, whole & ~bare)
     if modes is not None:
         patch, mode, given = edges_on_patches(tet, modes)
-        whole[:patches] &= np.bincount(patch, weights=~given, minlength=patches) == 0
+        whole[:patches] &= np.bincount(patch, ~given, patches) == 0
         np.maximum.at(deviation, patch, np.abs(mode))
         lone = ridges_at(surfaces, whole[:patches])  # edges of other ridges are not known
         whole[patches:] &= lone
@@ -76,8 +76,7 @@ def sides_of(tet: Tetrahedralization, surfaces: Surfaces, reduced: Mask) -> tupl
     elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
     count = [
-        np.bincount(elements.patch[e, k], weights=reduced[elements.region[e]] == side, minlength=patches) > 0
-        for side in (True, False)
+        np.bincount(elements.patch[e, k], reduced[elements.region[e]] == side, patches) > 0 for side in (True, False)
     ]
     whole = count[0] & ~count[1]
     return count[0] & count[1], np.append(whole, np.append(whole, True)[surfaces.meets].all(axis=1))
@@ -86,7 +85,7 @@ def sides_of(tet: Tetrahedralization, surfaces: Surfaces, reduced: Mask) -> tupl
 def with_loads(tet: Tetrahedralization, freedom: Freedom, nodal: Floats, patches: int) -> Mask:
     loaded, slides = nodal[:, LOAD] != 0.0, freedom.number == ON_PATCH
     patch, node = nodes_of_patches(tet)
-    without = np.bincount(patch, weights=~loaded[node], minlength=patches)
+    without = np.bincount(patch, ~loaded[node], patches)
     sliding = np.bincount(freedom.place[slides], minlength=patches)
     found = np.bincount(freedom.place[slides & loaded], minlength=patches)
     return (found > 0) | ((sliding == 0) & (without == 0))
@@ -99,10 +98,7 @@ def ridges_at(surfaces: Surfaces, patches: Mask) -> Mask:
 def nodes_of_patches(tet: Tetrahedralization) -> IntsPair:
     elements = tet.elements
     e, k = np.nonzero(elements.patch >= 0)
-    node = faces_of(elements, e, k)
-    code = np.unique(elements.patch[e, k][:, None].astype(np.int64) * tet.nnodes + node)
-    patch, nodes = np.divmod(code, tet.nnodes)
-    return patch, nodes
+    return unique_pairs(np.repeat(elements.patch[e, k], 3), faces_of(elements, e, k).ravel())
 
 
 def edges_on_patches(tet: Tetrahedralization, modes: Modes) -> tuple[Ints, Floats, Mask]:

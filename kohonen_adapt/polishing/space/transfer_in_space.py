@@ -131,16 +131,15 @@ def carried_modes(
     on_ends = corner_values(at_nodes.values, nodal[1], ends.T, in_reduced)
     mode = quadratic_values(solution, on_corners, found, weights) - on_ends.mean(axis=0)
     dirichlet = np.all(solution.modes.dirichlet[found], axis=1) if solution.modes else np.zeros(len(code), bool)
-    e, k = np.nonzero((patch >= 0) & np.append(functional.unknown[: functional.patches], False)[patch])
-    on = edge[e[:, None], EDGES_OF_FACES[k]]
-    dirichlet[on] |= np.all(at_nodes.fixed[ends[on]], axis=2)
-    for linear in (False, True):
-        some = functional.dirichlet[: functional.patches] & (linear != functional.held[: functional.patches])
-        e, k = np.nonzero((patch >= 0) & np.append(some, False)[patch])
-        on = edge[e[:, None], EDGES_OF_FACES[k]]
-        dirichlet[on] = True
-        if linear:
-            mode[on] = 0.0
+
+    def on(places: Mask) -> Ints:
+        e, k = np.nonzero(np.append(places[: functional.patches], False)[patch])
+        return edge[e[:, None], EDGES_OF_FACES[k]]
+
+    unknown = on(functional.unknown)
+    dirichlet[unknown] |= np.all(at_nodes.fixed[ends[unknown]], axis=2)
+    dirichlet[on(functional.dirichlet)] = True
+    mode[on(functional.dirichlet & ~functional.held)] = 0.0
     modes = zero_modes(len(tet.elements.node))
     modes.side[used, :, 0], modes.dirichlet[used] = mode[edge], dirichlet[edge]
     return modes
