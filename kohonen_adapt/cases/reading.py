@@ -142,7 +142,13 @@ def case_of(given: Options, folder: Path) -> Case:
     try:
         values = read_table(given, readers, "", required=("mesh", "materials"))
     except UnknownKeyError as error:
-        raise ValueError(f"{error}{_table_hint(error.key, readers)}") from None
+        # In TOML, keys after a [table] belong to this table.
+        key, hint = error.key, ""
+        if key in readers:
+            hint = f" But {key} is a key of the case itself: write it above all tables."
+        elif key in ADAPT or key in signature(Material).parameters:
+            hint = f" But {key} is a key of [{'adapt' if key in ADAPT else 'materials.NAME'}]."
+        raise ValueError(f"{error}{hint}") from None
     problem = _problem({key: values.pop(key) for key in ("materials", *(SPACE | PROBLEM)) if key in values})
     values = {"scale": 1.0, "adapt": {}, "outputs": {}, **values}
     outputs, output_rtol = values["outputs"], values["adapt"].get("output_rtol")
@@ -170,11 +176,3 @@ def _problem(given: Options) -> Magnetostatics | MagneticScalarPotential:
             solid, f"{', '.join(flat)} {'is' if len(flat) == 1 else 'are'} for meshes of triangles only"
         )
     return (MagneticScalarPotential if solid else Magnetostatics)(**given)
-
-
-def _table_hint(key: str, top: Mapping[str, Reader]) -> str:
-    # In TOML, keys after a [table] belong to this table.
-    if key in top:
-        return f" But {key} is a key of the case itself: write it above all tables."
-    home = "adapt" if key in ADAPT else "materials.NAME" if key in signature(Material).parameters else ""
-    return f" But {key} is a key of [{home}]." if home else ""

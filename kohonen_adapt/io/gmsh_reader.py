@@ -103,7 +103,10 @@ def _content(data: bytes, version: str, binary: bool) -> Content:
         parametric = b"\n$ParametricNodes" in data
         nodes = section("ParametricNodes" if parametric else "Nodes")
         numbers, points = nodes.parametric_rows(nodes.count()) if parametric else nodes.rows(nodes.count(), 3)
-        blocks = _elements_22(section("Elements"))
+        elements, blocks = section("Elements"), list[Block]()
+        for kind, tags, table in elements.elements(elements.count()):
+            group = table[:, 1] if tags else np.zeros(len(table), int)
+            blocks.append((kind, _with_direction(kind, table[:, 1 + tags :], group, table[:, 0])))
     order = np.argsort(numbers, kind="stable")
     rows = {kind: placed(own, numbers[order]) for kind, own in rows_by_type(blocks).items()}
     return Content(points[order], rows, _names(data), missing, numbers[order], "4.1" if version == "4.1" else "2.2")
@@ -165,14 +168,6 @@ def _elements_41(section: Numbers, groups: OfEntities, most: int) -> tuple[list[
         for tag in tags if len(tags) else (0,):
             blocks.append((kind, _with_direction(kind, table[:, 1:], np.full(len(table), tag), table[:, 0])))
     return blocks, meshed
-
-
-def _elements_22(section: Numbers) -> list[Block]:
-    blocks = []
-    for kind, tags, table in section.elements(section.count()):
-        group = table[:, 1] if tags else np.zeros(len(table), int)
-        blocks.append((kind, _with_direction(kind, table[:, 1 + tags :], group, table[:, 0])))
-    return blocks
 
 
 def _with_direction(kind: int, nodes: Ints, group: Ints, number: Ints) -> Rows:

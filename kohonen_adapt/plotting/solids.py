@@ -192,7 +192,10 @@ def plot_surface(
     else:
         checked = _values(mesh, values)
         scale = ScalarMappable(norm or Normalize(checked.min(), checked.max()), "viridis")
-        painted = scale.to_rgba(_on_faces(mesh, rim, checked))[:, :3]
+        at = mesh.f2t[0, rim] if len(checked) == mesh.nelements else mesh.facets[:, rim]
+        if len(checked) > mesh.nvertices and at.ndim == 2:
+            at = mesh.nvertices + edges_between(mesh, at, at[[1, 2, 0]])  # with the mean of the face
+        painted = scale.to_rgba(np.atleast_2d(checked[at]).mean(axis=0))[:, :3]
         axes.figure.colorbar(scale, ax=axes, label=label)
     faces.set_facecolor(painted[order] * (1.0 - SHADE * (1.0 - np.clip(brightness, 0.0, 1.0)))[:, None])
     axes.add_collection(faces)
@@ -205,14 +208,6 @@ def plot_surface(
     axes.spines[:].set_visible(False)
     _draw_arrows(axes, *camera[:2])
     return axes
-
-
-def _on_faces(mesh: MeshTet, rim: Ints, values: Floats) -> Floats:
-    at = mesh.f2t[0, rim] if len(values) == mesh.nelements else mesh.facets[:, rim]
-    if len(values) > mesh.nvertices and at.ndim == 2:
-        at = mesh.nvertices + edges_between(mesh, at, at[[1, 2, 0]])  # with the mean of the face
-    mean: Floats = np.atleast_2d(values[at]).mean(axis=0)
-    return mean
 
 
 def _faces(shape: Isoparametric, rim: Ints, camera: Floats, scale: float) -> tuple[PolyCollection, Ints, Floats]:
