@@ -8,7 +8,7 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.magnetostatics.quantities.field import Field
-from kohonen_adapt.magnetostatics.quantities.goals import Goal, unit_of_goal
+from kohonen_adapt.magnetostatics.quantities.goals import FluxLinkage, Force, Goal, StoredEnergy, Torque
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
 from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 from kohonen_adapt.problem.uncertain import error_of
@@ -46,7 +46,8 @@ class FieldProblem(ABC, Generic[MeshKind, FieldKind]):
 
         Per metre of depth in the plane, unless the problem has a `depth` or an axis.
         """
-        return unit_of_goal(self.goal, self.per_metre)
+        unit, per_metre = str(getattr(self.goal, "unit", "")), self.per_metre
+        return f"{unit}/m" if per_metre and isinstance(self.goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
     @abstractmethod
     def solve(self, mesh: MeshKind) -> FieldKind:

@@ -77,9 +77,6 @@ class EdgeElements:
     def on_facets(self, facets: Ints) -> Ints:
         return edges_around(self.mesh, facets)
 
-    def circulation(self, a: Floats, facets: Ints) -> Floats:
-        return FACET_SIGNS @ a[self.on_facets(facets)]
-
     def outward(self, facets: Ints) -> Floats:
         """Return 1 where a circulation is a flux out of the first element, else -1."""
         mesh = self.mesh

@@ -170,25 +170,20 @@ class Newton:
                 if not steps:
                     raise
                 break  # a law without a finite slope there; the last values are kept
-            damping, level = _damping(energy, u, step, float(gradient @ step[free]), level)
+            before, damping = level, 1.0
+            slope = float(gradient @ step[free])
+            while True:
+                level = energy.value(u + damping * step)
+                highest = before[0] + DESCENT * damping * slope + 10.0 * (before[1] + level[1])
+                if level[0] <= highest or damping < LEAST_DAMPING:
+                    break
+                damping *= 0.5
             u = u + damping * step
             taken, gradient = _recorded(energy, u, damping * step, damping, level[0], steps)
             steps.append(taken)
             if damping < LEAST_DAMPING:
                 break
         return u, tuple(steps)
-
-
-def _damping(
-    energy: Energy, u: Floats, step: Floats, slope: float, before: tuple[float, float]
-) -> tuple[float, tuple[float, float]]:
-    # the largest accepted fraction of a step, and the functional there with its rounding error
-    damping = 1.0
-    while True:
-        after = energy.value(u + damping * step)
-        if after[0] <= before[0] + DESCENT * damping * slope + 10.0 * (before[1] + after[1]) or damping < LEAST_DAMPING:
-            return damping, after
-        damping *= 0.5
 
 
 def _recorded(

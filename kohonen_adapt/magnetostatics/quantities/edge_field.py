@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.magnetostatics.equations.edge_equations import EdgeDrive
-from kohonen_adapt.magnetostatics.equations.given_field import field_at
+from kohonen_adapt.magnetostatics.equations.given_field import FACET_SIGNS, field_at
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField, Points
 from kohonen_adapt.magnetostatics.quantities.solid_field import SolidField
@@ -112,4 +112,5 @@ class EdgeField(SolidField):
         (0.012566, -0.012566)
         """
         (facets, _, sign), edges = oriented_surface(self.mesh, surface), self.drive.edges
-        return float(np.sum(sign * edges.outward(facets) * edges.circulation(self.unknown, facets)))
+        circulation = FACET_SIGNS @ self.unknown[edges.on_facets(facets)]
+        return float(np.sum(sign * edges.outward(facets) * circulation))

@@ -27,7 +27,6 @@ __all__ = [
     "VectorGoal",
     "check_goal",
     "check_goal_on",
-    "unit_of_goal",
     "unit_vector",
 ]
 
@@ -71,11 +70,6 @@ def check_goal(goal: Any, dim: int, estimator: str) -> None:
         )
     if isinstance(goal, VectorGoal):
         goal.check_dimension(dim)
-
-
-def unit_of_goal(goal: Goal | None, per_metre: bool) -> str:
-    unit = str(getattr(goal, "unit", ""))
-    return f"{unit}/m" if per_metre and isinstance(goal, Force | Torque | FluxLinkage | StoredEnergy) else unit
 
 
 def check_goal_on(goal: Goal | None, field: Any) -> None:

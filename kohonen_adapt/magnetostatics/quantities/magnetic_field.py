@@ -122,8 +122,9 @@ class MagneticField(ABC):
         return self._at_quadrature("at_points")
 
     def _at_quadrature(self, given: str) -> Any:
-        at = Points.of_quadrature(self.elements, given)
-        return self._values(at, self.coefficients.at_quadrature(at.element, at.x))
+        elements, x = self.elements, self.elements.points
+        at = Points(elements.element, x, x, elements.gradient_at_points, given=given)
+        return self._values(at, self.coefficients.at_quadrature(at.element, x))
 
     def _values(self, at: Points, coefficients: Coefficients | None = None) -> Any:
         # In the plane B is constant where gradients are, and takes the means of magnets.

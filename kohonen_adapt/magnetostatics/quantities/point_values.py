@@ -38,11 +38,6 @@ class Points(NamedTuple):
         at = cls.of(elements, *all_points(np.arange(elements.kind.size), share.T), x)._replace(given=given)
         return at if elements.axis else at._replace(slope=lambda u: elements.gradient_in_each(u, share.T))
 
-    @classmethod
-    def of_quadrature(cls, elements: Space, given: str) -> "Points":
-        x = elements.points
-        return cls(elements.element, x, x, elements.gradient_at_points, given=given)
-
 
 @dataclass(frozen=True, eq=False)
 class PointValues:
