@@ -180,21 +180,16 @@ class Stars(NamedTuple):
         mean = 0.5 * part.values[self.ends].sum(axis=1) + CENTROID * np.sum(slope[self.holder] * offset, axis=1)
         share = touches + CENTROID * np.sum(hat[self.holder] * offset, axis=1)
         mean, share = np.append((own + ua + ub) / 3.0, mean), np.append(np.full(len(doubled), 1.0 / 3.0), share)
-        constants = np.concatenate([part.constants, part.change])
-        terms = energy_terms(constants, np.append(0.5 * doubled, area), slope[holder], hat[holder], mean, share)
+        constants, weight = np.concatenate([part.constants, part.change]), np.append(0.5 * doubled, area)
+        coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
+        slope, hat = slope[holder], hat[holder]
+        stored, pulled = 0.5 * coefficient * np.sum(slope**2, axis=1), source * mean
+        pushed = np.sum(flux * slope, axis=1)
+        first = np.sum((coefficient[:, None] * slope - flux) * hat, axis=1) - source * share
+        magnitude = np.abs(stored) + np.abs(pulled) + np.abs(pushed)
+        second = coefficient * np.sum(hat**2, axis=1)
+        terms = (weight * each for each in (stored - pulled - pushed, magnitude, first, second))
         return [np.bincount(self.owner[holder], rows, len(self.node)).astype(np.float64) for rows in terms]
-
-
-def energy_terms(
-    constants: Floats, weight: Floats, slope: Floats, hat: Floats, mean: Floats, share: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    coefficient, source, flux = constants[:, 0], constants[:, 1], constants[:, 2:]
-    stored, pulled = 0.5 * coefficient * np.sum(slope**2, axis=1), source * mean
-    pushed = np.sum(flux * slope, axis=1)
-    first = np.sum((coefficient[:, None] * slope - flux) * hat, axis=1) - source * share
-    magnitude = np.abs(stored) + np.abs(pulled) + np.abs(pushed)
-    second = coefficient * np.sum(hat**2, axis=1)
-    return weight * (stored - pulled - pushed), weight * magnitude, weight * first, weight * second
 
 
 def move_nodes(stars: Stars, near: Floats) -> float:

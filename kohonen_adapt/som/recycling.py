@@ -30,6 +30,7 @@ from kohonen_adapt.kernels.triangle.surgery import (
     split,
 )
 from kohonen_adapt.mesh.cells import TRIANGLE
+from kohonen_adapt.mesh.host import ascending, keys_of
 from kohonen_adapt.mesh.triangulation import Triangulation
 
 __all__ = ["RATIO", "recycle_nodes", "recycle_pairs", "starts_of"]
@@ -187,7 +188,7 @@ def facets_of_pairs(mesh: OpenMesh) -> Facets:
     nodes = np.unique(ends)
     tree = cKDTree(position[nodes])
     near = SAME * float(np.ptp(position[nodes], axis=0).max())
-    key = keys_of_facets(ends, len(position))
+    key = keys_of(ascending(*ends.T), len(position))
     order = np.argsort(key)
     parts = []
     for m in range(0, len(periodic.motions), 2):
@@ -197,18 +198,14 @@ def facets_of_pairs(mesh: OpenMesh) -> Facets:
         # A motion may also map a part of a circle to a part of the same side, whose nodes are no partners.
         partners = (periodic.motion[ends] == m) & (periodic.partner[ends] == image)
         same = np.all((distance < near) & (partners | (periodic.partner[ends] < 0)), axis=1)
-        place = np.searchsorted(key[order], keys_of_facets(image, len(position)))
+        place = np.searchsorted(key[order], keys_of(ascending(*image.T), len(position)))
         other = order[np.minimum(place, len(order) - 1)]
-        same &= (keys_of_facets(image, len(position)) == key[other]) & (chain[other] != chain)
+        same &= (keys_of(ascending(*image.T), len(position)) == key[other]) & (chain[other] != chain)
         here = np.flatnonzero(same)
         sides = np.stack([here, other[here]], axis=1)
         start, end = (np.stack([ends[here, i], image[here, i]], axis=1) for i in range(2))
         parts.append(Facets(e[sides], start, end, chain[sides], np.full(len(here), m)))
     return Facets(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-
-
-def keys_of_facets(ends: Ints, count: int) -> Ints:
-    return np.min(ends, axis=1).astype(np.int64) * count + np.max(ends, axis=1)
 
 
 def lengths(mesh: OpenMesh, facets: Facets) -> Floats:

@@ -257,11 +257,15 @@ def wanted_inflow(mass: Floats, size: Floats, links: csr_array, bound: float = B
     share of a cluster.
     """
     parts = connected_components(links, directed=False)[1]
-    mean = (np.bincount(parts, mass) / np.bincount(parts, size))[parts]
-    fraction = np.divide(mass, size * mean, out=np.ones_like(mass), where=mean > 0.0)
+
+    def mean(sums: Floats) -> Floats:
+        return (np.bincount(parts, sums) / np.bincount(parts, size))[parts]
+
+    wanted = size * mean(mass)
+    fraction = np.divide(mass, wanted, out=np.ones_like(mass), where=wanted > 0.0)
     few = 0.5 / size  # half an element's share is added to every cluster, because a mass may be 0
     asked = np.clip(np.log((fraction + few) / (1.0 + few)), -bound, bound)
-    return (asked - (np.bincount(parts, asked * size) / np.bincount(parts, size))[parts]) * size
+    return (asked - mean(asked * size)) * size
 
 
 def potential(links: csr_array, inflow: Floats) -> Floats:
