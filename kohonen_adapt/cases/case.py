@@ -10,7 +10,7 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from skfem import MeshTri
+from skfem import Mesh, MeshTri
 
 from kohonen_adapt.cases.drawing import Drawing
 from kohonen_adapt.cases.tables import Quantity
@@ -156,20 +156,9 @@ class Case:
         """
         mesh = read_mesh(self.mesh_file, scale=self.scale)
         check_kind(mesh)
-        if self.turn and type(mesh) is TETRAHEDRON.mesh:
-            raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
+        _check_turn(mesh, self.turn)
         mesh = corners_of(mesh) if self.turn or self.base_problem.order == 1 else mesh
-        if not self.rim:
-            return mesh
-        rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(self.rim)
-        if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
-            return mesh  # in a mesh written by `run`
-        if known is not None or self.rim in (mesh.subdomains or {}):
-            raise ValueError(
-                f"rim must be a new name for the whole rim of the mesh, which already has another {self.rim!r}. Choose "
-                "another name, or leave rim out."
-            )
-        return mesh.with_boundaries({self.rim: rim})
+        return _with_rim(mesh, self.rim) if self.rim else mesh
 
     @property
     def follows_tolerance(self) -> bool:
@@ -268,6 +257,23 @@ class Case:
             if name not in paired and not np.isin(facets, taken).any():
                 curves[name], taken = curve, np.append(taken, facets)
         return given | ({"curves": curves} if curves else {})
+
+
+def _check_turn(mesh: Mesh, turn: Turn) -> None:
+    if turn and type(mesh) is TETRAHEDRON.mesh:
+        raise ValueError("turn is for meshes of triangles only; draw the turned part at its angle.")
+
+
+def _with_rim(mesh: MeshTri, name: str) -> MeshTri:
+    rim, known = mesh.boundary_facets(), (mesh.boundaries or {}).get(name)
+    if known is not None and np.array_equal(np.sort(np.asarray(known)), rim):
+        return mesh  # in a mesh written by `run`
+    if known is not None or name in (mesh.subdomains or {}):
+        raise ValueError(
+            f"rim must be a new name for the whole rim of the mesh, which already has another {name!r}. Choose another "
+            "name, or leave rim out."
+        )
+    return mesh.with_boundaries({name: rim})
 
 
 def _in_space(problem: Magnetostatics) -> MagneticScalarPotential:
