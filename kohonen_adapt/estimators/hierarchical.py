@@ -50,10 +50,9 @@ class Surplus:
     def residual(self, field: Floats, divergence: Floats) -> Floats:
         # Right-hand sides of elements, (10, nelements), for B, (3, 4, nelements), and its divergence, (4, nelements),
         # given at the corners and linear between them.
-        mesh, hats = self.space.corners, self.space.hats_of_corners
+        mesh = self.space.corners
         size = 3.0 * self.space.volumes * np.linalg.norm(self.space.hats[:, TETRAHEDRON.opposite], axis=0)
-        if hats is None:
-            hats = np.broadcast_to(self.space.hats, (4, *self.space.hats.shape))
+        hats = self.space.shape.hats_in(np.arange(mesh.nelements), np.eye(4)).transpose(2, 0, 1, 3)
         inward = hats[FACES, :, TETRAHEDRON.opposite]  # (3 corners of a side, 4 sides, 3, nelements)
         outflow = -np.einsum("cjsk,jsck->jsk", field[:, FACES], inward) / np.linalg.norm(inward, axis=2)
         jump = outflows(mesh, outflow)

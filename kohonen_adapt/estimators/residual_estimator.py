@@ -10,7 +10,6 @@ from kohonen_adapt.arrays import Floats, Ints
 from kohonen_adapt.estimators.discrete_flux import DiscreteFlux, discrete_flux
 from kohonen_adapt.mesh.cells import CELLS, TRIANGLE, cell_of, centroids_of
 from kohonen_adapt.mesh.elements.functions import facet_products, nodes, reference_functions
-from kohonen_adapt.mesh.elements.groups import all_points
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import is_in_front
@@ -136,7 +135,7 @@ def residual_on_lattice(
     """
     hats, shape = space.hats[:, :, None], (2, 3, len(LATTICE), weight.size)
     if space.curved.any():
-        hats = space.hats_at(*all_points(np.arange(weight.size), LATTICE)).reshape(shape)
+        hats = space.shape.hats_in(np.arange(weight.size), LATTICE)
     if divergence is None:
         slopes = reference_functions(LATTICE[3:], flux.shape[1] // 3)[1]
         at_midsides = np.broadcast_to(hats, shape)[:, 1:, 3:]

@@ -68,9 +68,9 @@ def with_curved_sides(mesh: Mesh, content: Content, used: Ints, path: Path, scal
     order = segments.shape[1] - 1
     curved = with_midsides(mesh, np.ascontiguousarray(position[:, segments] @ MIDDLE[order]))
     if order > 2:
-        size = np.hypot(*np.diff(curved.p[:, curved.facets], axis=1)[:, 0])
-        x, tangent = Blended(curved).facet_points(np.arange(size.size), np.arange(1, order) / order)
-        across, up = position[:, segments[:, 1:-1]] - x
+        size, at = np.hypot(*np.diff(curved.p[:, curved.facets], axis=1)[:, 0]), np.arange(1, order) / order
+        x, tangents = Blended(curved).facet_points(np.arange(size.size), np.stack((1.0 - at, at)))
+        tangent, (across, up) = tangents[:, 0], position[:, segments[:, 1:-1]] - x
         off = np.max(np.abs(tangent[0] * up - tangent[1] * across) / np.hypot(*tangent), axis=1) / size
         worst = int(np.argmax(off))
         logger.log(

@@ -9,8 +9,8 @@ from kohonen_adapt.arrays import Floats
 from kohonen_adapt.estimators.residual_estimator import LATTICE, Facets, residual_on_lattice
 from kohonen_adapt.magnetostatics.quantities.field import Dual, Field
 from kohonen_adapt.magnetostatics.quantities.point_values import PointField
+from kohonen_adapt.mesh.curved import all_points
 from kohonen_adapt.mesh.elements.functions import hierarchical
-from kohonen_adapt.mesh.elements.groups import all_points
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import area
 

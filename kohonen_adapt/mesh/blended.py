@@ -67,20 +67,6 @@ class Blended(Isoparametric):
         start, end = barycentric[self.ends]
         return _polynomial(self.series[..., element], end - start)
 
-    def facet_points(self, facets: Ints, at: Floats) -> FloatsPair:
-        """Return positions and tangents at `at` from 0 to 1 along facets, (2, f, n) each.
-
-        The direction is from the lower to the higher node, and tangents are the derivatives by `at`.
-        """
-        start, end = self.corners.p[:, self.corners.facets[:, facets]].swapaxes(0, 1)[..., None]
-        x, tangent = start + at * (end - start), np.repeat(end - start, at.size, axis=2)
-        rows = np.flatnonzero(self.number[facets] >= 0)
-        t, series = 2.0 * at - 1.0, self.facet_series[:, :, self.number[facets[rows]], None]
-        value, slope = _polynomial(series, t)
-        x[:, rows] += (1.0 - t**2) * value
-        tangent[:, rows] += 2.0 * ((1.0 - t**2) * slope - 2.0 * t * value)
-        return x, tangent
-
 
 def fitted_series(start: Floats, end: Floats, offset: Floats, project: Function) -> Floats:
     """Return e of sides on a curve, through Chebyshev points, (FITTED, 2, n)."""

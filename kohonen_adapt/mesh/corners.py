@@ -79,8 +79,8 @@ def interfaces_of(mesh: Mesh, materials: Materials) -> Interfaces:
 def candidates(shape: Blended, lines: Interfaces, turn: float = STRAIGHT) -> Ints:
     # Return the nodes at which lines meet, end, turn by more than an angle or change their kind.
     ends = shape.corners.facets[:, lines.facets]
-    _, tangents = shape.facet_points(lines.facets, np.array([0.0, 1.0]))
-    direction = np.concatenate([tangents[..., 0], -tangents[..., 1]], axis=1)
+    _, tangents = shape.facet_points(lines.facets, np.eye(2))
+    direction = np.concatenate([tangents[:, 0, :, 0], -tangents[:, 0, :, 1]], axis=1)
     direction /= np.hypot(*direction)
     joints = joints_of(ends.ravel(), direction, np.tile(lines.kind, 2), shape.p.shape[1])
     return np.flatnonzero((joints.meeting > 0) & ~(joints.joined & (joints.turn <= turn)))

@@ -23,6 +23,7 @@ __all__ = [
     "BEFORE",
     "CurvedElements",
     "Isoparametric",
+    "all_points",
     "check_curved_sides",
     "check_midsides",
     "corners_of",
@@ -185,6 +186,11 @@ def check_curved_sides(mesh: Mesh) -> None:
         )
 
 
+def all_points(rows: Ints, barycentric: Floats) -> tuple[Ints, Floats]:
+    """Return elements and coordinates for points (q, d + 1) in elements `rows`."""
+    return np.tile(rows, len(barycentric)), np.repeat(barycentric.T, rows.size, axis=1)
+
+
 class CurvedElements:
     """Elements with curved sides, images of a quadratic map.
 
@@ -217,8 +223,7 @@ class CurvedElements:
 
     def points_in_each(self, barycentric: Floats) -> Floats:
         # (d, k * nelements), of k positions in every element
-        count = self.t.shape[1]
-        return self.points(np.tile(np.arange(count), barycentric.shape[1]), np.repeat(barycentric, count, axis=1))
+        return self.points(*all_points(np.arange(self.t.shape[1]), barycentric.T))
 
     def tangent_corners(self, element: Ints, barycentric: Floats) -> Floats:
         found = self.p[:, self.t[:, element]]
@@ -232,13 +237,18 @@ class CurvedElements:
     def hat_gradients(self, element: Ints, barycentric: Floats) -> Floats:
         return self.cell.hat_gradients(self.tangent_corners(element, barycentric))
 
+    def hats_in(self, rows: Ints, barycentric: Floats) -> Floats:
+        # (d, d + 1, k, m), at k positions (k, d + 1) in some elements
+        found = self.hat_gradients(*all_points(rows, barycentric))
+        return found.reshape(*found.shape[:2], len(barycentric), -1)
+
     def determinants(self, element: Ints, barycentric: Floats) -> Floats:
         return self.cell.determinant(self.tangent_corners(element, barycentric))
 
     def quadrature(self, rows: Ints, rule: FloatsPair) -> tuple[Floats, Ints, Floats]:
         # points (d, n) in some elements, their elements and volumes
         barycentric, weight = rule
-        element, at = np.tile(rows, weight.size), np.repeat(barycentric.T, rows.size, axis=1)
+        element, at = all_points(rows, barycentric)
         volumes = np.abs(self.determinants(element, at)) / factorial(self.cell.dim)
         return self.points(element, at), element, np.repeat(weight, rows.size) * volumes
 
@@ -323,6 +333,20 @@ class Isoparametric(CurvedElements):
         facets = corners.t2f[np.argsort(cell_of(mesh).opposite)]
         neighbour = corners.f2t.sum(axis=0)[facets] - np.arange(facets.shape[1])  # -1 at the outer boundary
         super().__init__(corners.p, corners.t, self.side_offset[:, numbered_sides(corners)[1]], neighbour)
+
+    def facet_points(self, facets: Ints, barycentric: Floats) -> FloatsPair:
+        """Return points (d, f, n) and tangents (d, d - 1, f, n) of facets.
+
+        `barycentric` (d, n) are coordinates on every facet. Tangents are derivatives by its last coordinates, in the
+        plane from the lower to the higher node.
+        """
+        element, (count, each) = self.corners.f2t[0, facets], (len(facets), barycentric.shape[1])
+        local = np.argmax(self.t[:, element] == self.corners.facets[:, None, facets], axis=1)
+        at = np.zeros((len(self.t), count, each))
+        at[local, np.arange(count)] = barycentric[:, None]
+        inside = np.repeat(element, each), at.reshape(len(at), -1)
+        ends = self.tangent_corners(*inside).reshape(-1, *at.shape)[:, local, np.arange(count)]
+        return self.points(*inside).reshape(-1, count, each), ends[:, 1:] - ends[:, :1]
 
 
 def refined(mesh: MeshTri) -> MeshTri:

@@ -9,7 +9,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats, FloatsPair, Function, Ints
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.mesh.elements.groups import all_points
+from kohonen_adapt.mesh.curved import all_points
 from kohonen_adapt.mesh.elements.space import Space
 from kohonen_adapt.mesh.measures import unit_vectors
 

@@ -12,7 +12,7 @@ from kohonen_adapt.mesh.elements.functions import reference_functions
 from kohonen_adapt.mesh.elements.rules import Rule, rule_of
 from kohonen_adapt.mesh.measures import magnitude
 
-__all__ = ["Form", "Group", "Groups", "all_points", "check_orientation", "reference", "times"]
+__all__ = ["Form", "Group", "Groups", "check_orientation", "reference", "times"]
 
 
 class Form(NamedTuple):
@@ -241,11 +241,6 @@ class Groups(list[Group]):
 def times(matrix: Floats, vector: Floats) -> Floats:
     # (r, c, ...) times (c, ...); far faster than einsum
     return np.stack([sum(entry * part for entry, part in zip(row, vector, strict=True)) for row in matrix])
-
-
-def all_points(rows: Ints, barycentric: Floats) -> tuple[Ints, Floats]:
-    """Return elements and coordinates for points (q, d + 1) in elements `rows`."""
-    return np.tile(rows, len(barycentric)), np.repeat(barycentric.T, rows.size, axis=1)
 
 
 def check_orientation(rows: Ints, determinants: Floats) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, ranks
 from kohonen_adapt.mesh.cells import CELLS, centroids_of
+from kohonen_adapt.mesh.curved import all_points
 from kohonen_adapt.mesh.elements.assembly import (
     Interiors,
     Reduced,
@@ -25,7 +26,7 @@ from kohonen_adapt.mesh.elements.functions import (
     nodes,
     reference_functions,
 )
-from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, all_points, check_orientation, reference, times
+from kohonen_adapt.mesh.elements.groups import Form, Group, Groups, check_orientation, reference, times
 from kohonen_adapt.mesh.elements.unknowns import Unknowns
 from kohonen_adapt.mesh.host import summed
 from kohonen_adapt.mesh.measures import area, hat_gradients
@@ -71,7 +72,8 @@ class Space(Unknowns):
 
     def at_order(self, order: int) -> Self:
         found = type(self)(self.mesh, order, self.nonlinear, self.axis, self.sides, self.arcs)
-        vars(found).update({name: vars(self)[name] for name in SHARED if name in vars(self)})
+        shared = SHARED[found.has_constant_gradients != self.has_constant_gradients :]
+        vars(found).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return found
 
     # quadrature
@@ -91,8 +93,7 @@ class Space(Unknowns):
         if not form.curved:
             return Group(at, rows, first, self.hats[:, 1:, None, rows], self._straight_volumes[None, rows])
         element = np.arange(self.curved.size)[rows]
-        hats = self.shape.hat_gradients(*all_points(element, at.barycentric))[:, 1:]
-        hats = hats.reshape(*hats.shape[:2], -1, element.size)
+        hats = self.shape.hats_in(element, at.barycentric)[:, 1:]
         determinants = CELLS[self.dim].determinant(np.concatenate([np.zeros_like(hats[:, :1]), hats], axis=1))
         if self.arcs:
             check_orientation(element, determinants)
@@ -271,10 +272,7 @@ class Space(Unknowns):
 
     def hats_at(self, element: Ints, barycentric: Floats) -> Floats:
         """Return the gradients of the barycentric coordinates at points, (d, d + 1, n)."""
-        hats, rows = self.hats[:, :, element], np.flatnonzero(self.curved[element])
-        if rows.size:
-            hats[:, :, rows] = self.shape.hat_gradients(element[rows], barycentric[:, rows])
-        return hats
+        return self.shape.hat_gradients(element, barycentric)
 
     def in_each(self, u: Floats, at: Floats) -> Floats:
         """Return values (n, nelements) at coordinates (n, d + 1) of every element."""
@@ -302,36 +300,21 @@ class Space(Unknowns):
             along[..., rows] = np.tensordot(slopes, u[self.unknowns[:, rows]], (0, 0))
         found, rows = times(self.hats[:, 1:, None], along), np.flatnonzero(self.curved)
         if rows.size:
-            hats = self.shape.hat_gradients(*all_points(rows, at))[:, 1:]
-            found[..., rows] = times(hats.reshape(*hats.shape[:2], len(at), -1), along[..., rows])
+            found[..., rows] = times(self.shape.hats_in(rows, at)[:, 1:], along[..., rows])
         return found.reshape(self.dim, len(at) * count)
 
     def barycentric(self, x: Floats, element: Ints) -> Floats:
         """Return the barycentric coordinates (d + 1, n) of points in elements."""
-        mesh = self.corners
-        middle = centroids_of(mesh, element)
-        found = 1.0 / (self.dim + 1.0) + np.einsum("cin,cn->in", self.hats[:, :, element], x - middle)
-        rows = np.flatnonzero(self.curved[element])
-        if rows.size:
-            found[:, rows] = self.shape.barycentric_coordinates(element[rows], x[:, rows])
-        return found
+        return self.shape.barycentric_coordinates(element, x)
 
     def located(self, x: Floats, straight: Ints) -> Ints:
         """Return the elements of points, -1 outside, from the straight ones."""
-        return self.shape.locate(x, straight)[0] if self.curved.any() else straight
+        return self.shape.locate(x, straight)[0]
 
     def slope_of_corners_at(self, values: Floats, element: Ints, x: Floats) -> Floats:
         """Return gradients at points as in `slope_of_corners`, (d, n)."""
         hats = self.hats_at(element, self.barycentric(x, element))
         return np.einsum("in,cin->cn", values[self.corners.t[:, element]], hats)
-
-    @property
-    def hats_of_corners(self) -> Floats | None:
-        """`hats` at corners, (d + 1, d, d + 1, nelements), None if all are straight."""
-        element = np.arange(self.kind.size)
-        if not self.curved.any():
-            return None
-        return np.stack([self.hats_at(element, np.tile(at[:, None], element.size)) for at in np.eye(self.dim + 1)])
 
     def limit_points(self, element: Ints, barycentric: Floats) -> Floats:
         """Return points off the axis for limits on the axis from inside the element."""

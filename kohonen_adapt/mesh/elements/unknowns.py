@@ -10,10 +10,9 @@ from skfem import Mesh
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
 from kohonen_adapt.mesh.blended import Blended, Projections
-from kohonen_adapt.mesh.curved import Isoparametric, is_second_order
+from kohonen_adapt.mesh.curved import Isoparametric, corners_of, is_second_order
 from kohonen_adapt.mesh.elements.functions import (
     EQUIDISTANT,
-    NODE_EDGES,
     ON_AXIS,
     inner_order,
     kinds_at_axis,
@@ -56,7 +55,8 @@ class Unknowns:
     @cached_property
     def shape(self) -> Any:
         """Map of curved elements, a `CurvedElements`."""
-        return Blended(self.mesh, self.sides) if self.arcs and self.dim == 2 else Isoparametric(self.mesh)
+        mesh = corners_of(self.mesh) if self.has_constant_gradients else self.mesh
+        return Blended(mesh, self.sides) if self.arcs and self.dim == 2 else Isoparametric(mesh)
 
     @cached_property
     def corners(self) -> Mesh:
@@ -72,9 +72,7 @@ class Unknowns:
 
     @cached_property
     def curved(self) -> Mask:
-        if is_second_order(self.mesh) and not self.has_constant_gradients:
-            return self.shape.curved
-        return np.zeros(self.mesh.nelements, bool)
+        return self.shape.curved if is_second_order(self.mesh) else np.zeros(self.mesh.nelements, bool)
 
     @cached_property
     def kind(self) -> Ints:
@@ -178,20 +176,8 @@ class Unknowns:
 
         The length of a normal is the size of the facet, in space twice its size, if the facet is straight.
         """
-        if isinstance(self.shape, Blended):
-            on_arcs, tangent = (part[..., 0] for part in self.shape.facet_points(facets, barycentric[1:]))
-            return on_arcs, _normal(tangent[:, None])
-        mesh = self.corners
-        number_facets(mesh)
-        corners = mesh.p[:, mesh.facets[:, facets]]
-        x, rates = np.einsum("i,cin->cn", barycentric, corners), corners.copy()
-        if self.curved.any():
-            for (a, b), edge in zip(NODE_EDGES[self.dim - 1], edges_around(mesh, facets), strict=True):
-                offset = 4.0 * self.shape.side_offset[:, edge]
-                x += barycentric[a] * barycentric[b] * offset
-                rates[:, a] += barycentric[b] * offset
-                rates[:, b] += barycentric[a] * offset
-        return x, _normal(rates[:, 1:] - rates[:, :1])
+        x, tangents = self.shape.facet_points(facets, barycentric[:, None])
+        return x[..., 0], _normal(tangents[..., 0])
 
     def products_on(self, facets: Ints, weight: Floats) -> Floats:
         """Return integrals of ``weight phi_i phi_j`` over facets, (k, k, nfacets).
