@@ -85,36 +85,35 @@ class Unknowns:
         """Unknowns of elements at corners, edges, faces and inside, (k, nelements)."""
         if self.order == 1:
             return self.corners.t
-        mesh = self.corners
-        found, first = list[Ints]([mesh.t]), mesh.nvertices
-        for size, (index, number) in enumerate(self._parts, start=2):
-            inner = comb(self.order - 1, size - 1)
+        found = list[Ints]()
+        for size, (first, index, inner) in enumerate(self._parts, start=1):
             each = np.arange(inner)[:, None]
             for corners, part in zip(parts(self.dim, size), index, strict=True):
-                ascending = self.order == 2 or self.dim == 2  # scikit-fem sorts the corners of triangles
-                own = each if ascending else inner_order(self.order, size)[rank_of(mesh.t[list(corners)])].T
+                ascending = inner == 1 or self.dim == 2  # scikit-fem sorts the corners of triangles
+                own = each if ascending else inner_order(self.order, size)[rank_of(self.corners.t[list(corners)])].T
                 found.append(first + inner * part + own)
-            first += inner * number
         return np.vstack(found)
 
-    @property
-    def _parts(self) -> list[tuple[Ints, int]]:
-        # edges, faces and the inside of elements, with the number of all, as far as unknowns are there
+    @cached_property
+    def _parts(self) -> list[tuple[int, Ints, int]]:
+        # The first unknown of nodes, edges, faces and the inside of elements as far as unknowns are there, their
+        # numbers in elements, and how many unknowns are in each.
         mesh, nelements = self.corners, self.corners.nelements
-        found = [self._edges]
-        if self.dim == 3 and self.order > 2:
+        each = [(mesh.t, mesh.nvertices)]
+        if self.dim == 3 and self.order > 1:
+            number_edges(mesh)
+            each.append((mesh.t2e, mesh.nedges))
+        if self.order >= self.dim:
             number_facets(mesh)
-            found.append((mesh.t2f, mesh.nfacets))
-        return [*found, (np.arange(nelements)[None], nelements)][: self.order - 1]
-
-    @property
-    def _edges(self) -> tuple[Ints, int]:
-        # edges of elements, and the number of all
-        mesh = self.corners
-        if self.dim == 2:
-            return mesh.t2f, mesh.nfacets
-        number_edges(mesh)
-        return mesh.t2e, mesh.nedges
+            each.append((mesh.t2f, mesh.nfacets))
+        if self.order > self.dim:
+            each.append((np.arange(nelements)[None], nelements))
+        found, first = [], 0
+        for size, (index, number) in enumerate(each):
+            inner = comb(self.order - 1, size)
+            found.append((first, index, inner))
+            first += inner * number
+        return found
 
     @cached_property
     def doflocs(self) -> Floats:
@@ -137,13 +136,12 @@ class Unknowns:
         """Return the unknowns of facets, at corners first, (k, nfacets)."""
         number_facets(self.corners)
         facets = np.arange(self.corners.nfacets) if given is None else given
-        found, first = [self.corners.facets[:, facets]], self.corners.nvertices
-        each = np.arange(self.order - 1)[:, None]
+        around = [self.corners.facets[:, facets]]
         if self.order > 1:
-            found += [first + each.size * edge + each for edge in edges_around(self.corners, facets)]
-        if self.dim == 3 and self.order > 2:
-            inner = np.arange(comb(self.order - 1, 2))[:, None]
-            found.append(first + each.size * self._edges[1] + inner.size * np.asarray(facets) + inner)
+            around += [edges_around(self.corners, facets), np.asarray(facets)[None]]
+        found = list[Ints]()
+        for index, (first, _, inner) in zip(around[: self.dim], self._parts, strict=False):
+            found += [first + inner * part + np.arange(inner)[:, None] for part in index]
         return np.vstack(found)
 
     def prolongation(self, index: Ints) -> csr_array:
