@@ -261,8 +261,7 @@ def _check_plane(mesh: object) -> None:
 def _problem(mesh: MeshTri, discrete: DiscreteFlux, fixed_mask: Mask) -> tuple[FluxData, Int64s]:
     triangulation = Triangulation.of(mesh)
     node, neighbour = triangulation.elements.node, triangulation.elements.neighbour
-    turned = (node[:, 1] != mesh.t[1]).astype(np.int64)
-    order = np.stack((np.zeros_like(turned), 1 + turned, 2 - turned), axis=1)
+    order = np.argmax(node[:, :, None] == mesh.t.T[:, None], axis=2)
     space = discrete.space
     outflow = -2.0 * space.volumes * np.einsum("ck,cik->ik", discrete.mean, space.hats)
     dirichlet = fixed_mask[node[:, [1, 2, 0]]] & fixed_mask[node[:, [2, 0, 1]]]

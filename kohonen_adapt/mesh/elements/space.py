@@ -276,10 +276,14 @@ class Space(Unknowns):
 
     def in_each(self, u: Floats, at: Floats) -> Floats:
         """Return values (n, nelements) at coordinates (n, d + 1) of every element."""
-        found = np.empty((len(at), self.kind.size))
+        return self._sums_in_each(u, at, np.empty((len(at), self.kind.size)), 0)
+
+    def _sums_in_each(self, u: Floats, at: Floats, found: Floats, part: int) -> Floats:
+        # of values, the first part of reference functions, or of their slopes, the second
         for kind in np.unique(self.kind).tolist():
-            rows = np.flatnonzero(self.kind == kind)
-            found[:, rows] = reference_functions(at, self.order, kind, self.arcs)[0].T @ u[self.unknowns[:, rows]]
+            rows = np.flatnonzero(self.kind == kind) if self.axis else slice(None)
+            functions = reference_functions(at, self.order, kind, self.arcs)[part]
+            found[..., rows] = np.tensordot(functions, u[self.unknowns[:, rows]], (0, 0))
         return found
 
     def interpolated(self, old: "Space", u: Floats) -> Floats:
@@ -293,15 +297,11 @@ class Space(Unknowns):
 
         The shape is (d, n nelements), with the first points of all elements before the second.
         """
-        count, along = self.kind.size, np.empty((self.dim, len(at), self.kind.size))
-        for kind in np.unique(self.kind).tolist():
-            rows = np.flatnonzero(self.kind == kind) if self.axis else slice(None)
-            slopes = reference_functions(at, self.order, kind, self.arcs)[1]
-            along[..., rows] = np.tensordot(slopes, u[self.unknowns[:, rows]], (0, 0))
+        along = self._sums_in_each(u, at, np.empty((self.dim, len(at), self.kind.size)), 1)
         found, rows = times(self.hats[:, 1:, None], along), np.flatnonzero(self.curved)
         if rows.size:
             found[..., rows] = times(self.shape.hats_in(rows, at)[:, 1:], along[..., rows])
-        return found.reshape(self.dim, len(at) * count)
+        return found.reshape(self.dim, -1)
 
     def barycentric(self, x: Floats, element: Ints) -> Floats:
         """Return the barycentric coordinates (d + 1, n) of points in elements."""
