@@ -359,9 +359,7 @@ def refined(mesh: MeshTri) -> MeshTri:
     lattice = np.concatenate([np.eye(3), 0.5 - 0.5 * np.eye(3)], axis=1)  # corners, and midpoints by opposite corner
     own = np.vstack([shape.t, nodes + numbered_sides(shape.corners)[1]])[:, parent]  # nodes of an element, refined
     at = lattice[:, np.argmax(own[:, None] == straight.t, axis=0)]  # (3, 3 nodes, nelements)
-    at = np.concatenate([at, 0.5 * (at[:, AFTER] + at[:, BEFORE])], axis=1)
-    p = np.empty((2, straight.nvertices + straight.nfacets))
-    p[:, np.vstack([straight.t, straight.nvertices + sides])] = shape.points(
-        np.tile(parent, 6), at.reshape(3, -1)
-    ).reshape(2, 6, -1)
-    return of_kind(MeshTri2, p, straight)
+    middle = 0.5 * (at[:, AFTER] + at[:, BEFORE])
+    midsides = np.empty((2, straight.nfacets))
+    midsides[:, sides] = shape.points(np.tile(parent, 3), middle.reshape(3, -1)).reshape(2, 3, -1)
+    return of_kind(MeshTri2, np.hstack([mesh.p, midsides]), straight)  # its corners are all nodes of the mesh
