@@ -29,7 +29,8 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
     """Solve at the order that meets the tolerance, with layers at corners.
 
     If no order suffices and passes are left, the state is returned without its ending, and the passes get a lower
-    tolerance. The state is also returned before an order that takes more unknowns for a goal than order 2.
+    tolerance. The state is also returned before an order that takes more time than more nodes, or for a goal more
+    unknowns than order 2.
     """
     grading, best = stop.grading, state.best.record
     if grading is None or state.ending is None:
@@ -49,6 +50,8 @@ def raise_order(adaptation: Adaptation, stop: StopTest, state: State) -> State:
         is_smooth = best.estimate >= SMOOTH * last.estimate
         following = tolerance and high.after(orders, chosen, last.estimate / tolerance, bool(on_layers))
         if is_met or not following or not is_smooth:
+            break
+        if more and following.order > chosen.order and tolerance and last.estimate < high.by_nodes * tolerance:
             break
         chosen = following
         mesh, on_layers, remark = layered(adaptation, state, chosen.layers)
