@@ -27,13 +27,3 @@ def test_functions_are_one_at_their_node_and_reproduce_polynomials(order, dim, s
     values, _ = reference_functions(POINTS[dim], order, spread=spread)
     assert_allclose(polynomial(at, order) @ values, polynomial(POINTS[dim], order), atol=1e-11)
     assert_allclose(values.sum(axis=0), 1.0, atol=1e-11)
-
-
-@pytest.mark.parametrize(("dim", "kind"), [(1, 0), *((2, kind) for kind in range(7)), (3, 0)])
-@pytest.mark.parametrize("order", [1, 2, 3, 5, 8])
-def test_slopes_are_the_derivatives_of_the_values(order, dim, kind):
-    step, at = 1e-6, POINTS[dim]
-    _, slopes = reference_functions(at, order, kind)
-    for axis, direction in enumerate(np.eye(dim + 1)[1:] - np.eye(dim + 1)[0]):
-        ends = [reference_functions(at + sign * step * direction, order, kind)[0] for sign in (1.0, -1.0)]
-        assert_allclose((ends[0] - ends[1]) / (2.0 * step), slopes[:, axis], atol=1e-6 * abs(slopes).max())

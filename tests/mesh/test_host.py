@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from skfem import MeshTet, MeshTri
 
 import kohonen_adapt
-from kohonen_adapt.mesh.host import number_facets
+from kohonen_adapt.mesh.host import keys_of, number_facets
 
 MESHES = {
     "one triangle": MeshTri(np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.array([[0], [1], [2]])),
@@ -83,3 +83,12 @@ def test_scikit_fem_takes_the_facets_that_it_was_given(no_sorting):
     number_facets(mesh)
     assert mesh.facets.shape == (2, mesh.t2f.max() + 1) and mesh.f2t.shape == mesh.facets.shape
     assert len(mesh.boundary_facets()) == np.sum(mesh.f2t[1] < 0)
+
+
+def test_columns_come_in_their_order_however_many_nodes_there_are():
+    rows = np.sort(np.random.default_rng(0).integers(0, 50, (3, 400)), axis=0)
+    order = np.lexsort(rows[::-1])
+    for count in (50, 3_000_000, 2**31 - 1):  # the last two are too many for a number of three digits to that base
+        key = keys_of(rows + count - 50, count)
+        assert_array_equal(rows[:, np.argsort(key, kind="stable")], rows[:, order])
+        assert len(np.unique(key)) == len(np.unique(rows, axis=1).T)
