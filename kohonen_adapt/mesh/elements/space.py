@@ -6,15 +6,16 @@ from typing import Self
 
 import numpy as np
 
-from kohonen_adapt.arrays import Floats, FloatsPair, Ints, ranks
+from kohonen_adapt.arrays import Floats, FloatsPair, Ints
 from kohonen_adapt.mesh.cells import CELLS, centroids_of
 from kohonen_adapt.mesh.curved import all_points
 from kohonen_adapt.mesh.elements.assembly import (
     Interiors,
+    Pattern,
     Reduced,
+    Skeleton,
     Subspaces,
     assembled,
-    elimination,
     without_interiors,
 )
 from kohonen_adapt.mesh.elements.functions import (
@@ -33,11 +34,12 @@ from kohonen_adapt.mesh.measures import area, hat_gradients
 
 __all__ = ["Space"]
 
-SHARED = "shape", "corners", "elimination"  # computed by elements of all orders alike
+SHARED = "shape", "corners", "skeleton"  # computed by elements of all orders alike
 INWARDS = 1e-6  # distance from the axis at which limits on the axis are evaluated, relative to the way to the centroid
 RANK = 1e-12  # relative size of the singular values of constants, which have no gradient
 
-Known = tuple[Ints, Subspaces | None]  # rows of the matrix among the free unknowns, and its subspaces
+# number of every unknown among the free ones, pattern and subspaces of their matrix
+Known = tuple[Ints, Pattern, Subspaces | None]
 
 
 class Space(Unknowns):
@@ -216,38 +218,42 @@ class Space(Unknowns):
         `across` is nu at the columns of `gradient`, constant in straight elements without a law. `along` is a second
         coefficient and the unit vectors, shape (d, npoints), in whose direction it applies in elements with a law.
         """
-        rows, subspaces = self._rows(free)
-        index = ranks(free[rows], self.doflocs.shape[1])
-        if not self.arcs:
-            products = self.groups.by_element(lambda group: group.upper_products(across, along))
-            return Reduced(assembled(self.unknowns, products, index, free.size), subspaces=subspaces)
-        outside = len(self.unknowns) - comb(self.order - 1, self.dim)
-        outer, inner = np.split(self.unknowns, [outside])
-        condensed, inverse, coupling = without_interiors(self.groups.matrices(across, along), outside)
-        interiors = Interiors(np.searchsorted(free, inner).T, index[outer].T, inverse, coupling)
-        products = condensed.T[np.triu_indices(outside)]
-        return Reduced(assembled(outer, products, index, rows.size), interiors, rows, subspaces)
-
-    @cached_property
-    def elimination(self) -> Ints | None:
-        """Order of nodes and sides, None in space, where factors fill too much."""
-        return elimination(self.corners) if self.dim == 2 else None
-
-    def _rows(self, free: Ints) -> Known:
-        if self._known is None or self._known[0] is not free:
-            count, rows = self.doflocs.shape[1], np.arange(free.size)
-            if self.arcs:
-                rows = rows[: np.searchsorted(free, count - self.kind.size * comb(self.order - 1, self.dim))]
-            if self.arcs and self.elimination is not None:
-                nodes, sides = np.split(self.elimination, [self.corners.nvertices])
-                rows = np.argsort(np.append(nodes, np.repeat(sides, self.order - 1))[free[rows]], kind="stable")
-            self._known = free, (rows, self._subspaces(ranks(free[rows], count)))
-        return self._known[1]
+        if self.arcs:
+            return self._without_interiors(across, free, along)
+        products = self.groups.by_element(lambda group: group.upper_products(across, along))
+        index = np.full(self.doflocs.shape[1], -1, np.int32)
+        index[free] = np.arange(free.size)
+        matrix = assembled(self.unknowns, products, index, free.size)
+        return Reduced(matrix, subspaces=self._subspaces(index))
 
     def _subspaces(self, index: Ints) -> Subspaces | None:
         if self.dim == 2 or self.order == 1:
             return None
         return Subspaces(self.prolongation(index), self.stars(index) if self.order > 2 else ())
+
+    def _without_interiors(self, across: Floats, free: Ints, along: FloatsPair | None) -> Reduced:
+        condensed, inverse, coupling = without_interiors(self.groups.matrices(across, along), self._outside)
+        number, pattern, subspaces = self._pattern(free)
+        interiors = Interiors(number[self.unknowns[self._outside :]].T, pattern.outer, inverse, coupling)
+        return Reduced(pattern.matrix(condensed), interiors, pattern.rows, subspaces)
+
+    @property
+    def _outside(self) -> int:
+        # number of the unknowns of an element that are not inside
+        return len(self.unknowns) - comb(self.order - 1, self.dim)
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        return Skeleton(self.corners)
+
+    def _pattern(self, free: Ints) -> Known:
+        if self._known is None or self._known[0] is not free:
+            number, index = np.full((2, self.doflocs.shape[1]), -1)
+            number[free] = np.arange(free.size)
+            pattern = self.skeleton.pattern(self.order, self.unknowns[: self._outside], number)
+            index[free[pattern.rows]] = np.arange(pattern.rows.size)
+            self._known = free, (number, pattern, self._subspaces(index))
+        return self._known[1]
 
     # values at points
 
