@@ -62,8 +62,8 @@ class EnrichedField(SolidField):
         # The quadrature of the elements is a part of the error near coils.
         return self.elements.shape.quadrature(np.flatnonzero(inside), tetrahedron_rule(FINE))
 
-    def reaction_at(self, x: Floats, element: Ints) -> Floats:
-        return super().reaction_at(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
+        return super()._reaction(x, element) - VACUUM_PERMEABILITY * self.cubic_slope(x, element)
 
     def _vectors(self, at: Points, unknown: Floats) -> Floats:
         return super()._vectors(at, unknown) - self.cubic_slope(at.x, at.element)

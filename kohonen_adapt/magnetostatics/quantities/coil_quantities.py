@@ -19,7 +19,7 @@ from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 
-__all__ = ["OfCoil", "coil_in", "ends_far", "is_coil"]
+__all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
 
 INVARIANT = 1e-3  # tolerance of equal fields of images, relative to the largest
 NONE = 1e-6  # motion that images cancel, relative
@@ -137,6 +137,13 @@ def coil_in(field: MagneticField, name: str) -> Coil:
     if not is_coil(field, name):
         raise ValueError(f"{name!r} is no coil of the problem; its coils are {listed(field.sources.coils)}.")
     return field.sources.coils[name]
+
+
+def ampere_turns(field: MagneticField, name: str) -> float:
+    current = coil_in(field, name).ampere_turns
+    if current == 0.0:
+        raise ValueError(f"the coil {name!r} carries no current, by which its linkage could be divided.")
+    return current
 
 
 def is_coil(field: MagneticField, name: Any) -> bool:

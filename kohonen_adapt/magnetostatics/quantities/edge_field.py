@@ -50,7 +50,7 @@ class EdgeField(SolidField):
     def _potential_in(self, at: Points) -> Floats:
         return self.drive.edges.at(self.unknown, at.x, at.element)
 
-    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
         density, function = self.flux_density[:, element], self.drive.function
         return density if function is None else density - VACUUM_PERMEABILITY * field_at(function, x)
 

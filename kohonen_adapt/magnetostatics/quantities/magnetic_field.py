@@ -39,7 +39,7 @@ class MagneticField(ABC):
     depth: float | None = None
     kind: ClassVar[Any] = PointField  # of values at points, by their vectors
     far: bool  # True if the potential is 0 far away, of fields with coils
-    reaction_at: Any  # B in air less the field of coils in free space, at points of elements
+    _reaction: Any
 
     @property
     @abstractmethod
@@ -134,6 +134,10 @@ class MagneticField(ABC):
 
     def _potential_in(self, at: Points) -> Floats:
         return self.symmetry.potential(at.x, self.elements.at(self.unknown, at.element, at.share))
+
+    def reaction_at(self, x: Floats, element: Ints) -> Any:
+        """Return B in air less the field of coils in free space, at points of elements."""
+        return self._reaction(x, element)
 
     # derivatives
 

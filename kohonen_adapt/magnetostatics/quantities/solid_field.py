@@ -17,7 +17,7 @@ from kohonen_adapt.magnetostatics.equations.newton import Steps
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.coefficients import Coefficients
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
-from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, coil_in
+from kohonen_adapt.magnetostatics.quantities.coil_quantities import OfCoil, ampere_turns
 from kohonen_adapt.magnetostatics.quantities.forces import force_along
 from kohonen_adapt.magnetostatics.quantities.linkage import checked_turns
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
@@ -104,7 +104,7 @@ class SolidField(MagneticField):
     def _potential_in(self, at: Points) -> Floats:
         return self.elements.at(self.potential, at.element, at.share)
 
-    def reaction_at(self, x: Floats, element: Ints) -> Floats:
+    def _reaction(self, x: Floats, element: Ints) -> Floats:
         barycentric = self.elements.barycentric(x, element)
         return -VACUUM_PERMEABILITY * self.elements.gradient_at(self.potential, element, barycentric)
 
@@ -317,7 +317,4 @@ class SolidField(MagneticField):
         --------
         See `flux_linkage`, ``field.inductance("winding", turns=100)``.
         """
-        linkage, current = self.flux_linkage(coil, turns), coil_in(self, coil).ampere_turns
-        if current == 0.0:
-            raise ValueError(f"the coil {coil!r} carries no current, by which its linkage could be divided.")
-        return turns * linkage / current
+        return turns * self.flux_linkage(coil, turns) / ampere_turns(self, coil)
