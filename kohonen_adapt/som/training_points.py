@@ -25,7 +25,6 @@ __all__ = ["Density", "Draw", "density_of", "values_at", "without_zeros"]
 QUADRATURE = np.array([*np.eye(3), *(0.5 - 0.5 * np.eye(3)), np.full(3, 1 / 3)])
 
 CANDIDATES = 2**17  # number of evaluations of a callable density per draw, limited to 4 to 64 per element
-AT_ONCE = 2**17  # number of evaluations, or quadrature points of elements, that are held in memory at once
 
 
 class Draw(NamedTuple):
@@ -55,6 +54,7 @@ class Density:
 
     masses: Floats
     shape: Floats | None = None
+    at_once = 2**17  # number of evaluations, or quadrature points of elements, that are held in memory at once
     _near: Ints
 
     def __init__(self, mesh: AnyTessellation) -> None:
@@ -82,7 +82,7 @@ class Density:
         `corners` has shape (m, d + 1, d).
         """
         means = np.empty(len(corners))
-        most = AT_ONCE // len(self.shares)
+        most = self.at_once // len(self.shares)
         for first in range(0, len(corners), most):
             points = np.einsum("qk,mkd->qmd", self.shares, corners[first : first + most])
             values = self.at(points.reshape(-1, points.shape[-1]))
@@ -186,7 +186,7 @@ class FunctionDensity(Density):
         self.masses[self._order] = self.sizes[self._order] * means
 
     def _stretches(self) -> list[Ints]:
-        most = AT_ONCE // self.points_per_element
+        most = self.at_once // self.points_per_element
         return [self._order[first : first + most] for first in range(0, len(self._order), most)]
 
     def _candidates(self, stretch: Ints, rng: Generator) -> FloatsPair:

@@ -61,10 +61,3 @@ def test_the_functional_falls_by_what_is_told_and_the_arrays_are_those_of_the_me
     chain, table = ours.constraints.own_chain[sliding], ours.constraints.chains
     looked_up = table.origin[chain] + ours.constraints.parameter[sliding, None] * table.direction[chain]
     assert_allclose(looked_up, ours.triangulation.position[sliding], atol=1e-15)
-
-
-def recycled(mesh, values, fixed, load=1.0):
-    """The mesh made, where values are given on it, and the splits."""
-    at = Start.of(mesh, ka.Ritz(values, fixed, 1.0, load))
-    assert (at.recycle() > 0.0) == (at.recycled.splits > 0)
-    return at.movable.mesh(), at.trial.fixed, at.recycled.splits

@@ -108,7 +108,11 @@ def test_a_callable_is_sampled_as_its_values_are():
             assert points[:, 1:].mean() == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_callable_is_asked_for_so_many_points_at_once_and_the_stretches_get_their_shares(monkeypatch):
+class Piecewise(FunctionDensity):
+    at_once = 1000
+
+
+def test_a_callable_is_asked_for_so_many_points_at_once_and_the_stretches_get_their_shares():
     mesh, asked = square(8), []
 
     def function(x):
@@ -118,10 +122,9 @@ def test_a_callable_is_asked_for_so_many_points_at_once_and_the_stretches_get_th
     tri = Triangulation.of(mesh)
     made = density_of(tri, function)
     whole, most = squares(made, tri), made.largest
-    monkeypatch.setattr("kohonen_adapt.som.training_points.AT_ONCE", 1000)
     assert max(asked) > 1000
     asked.clear()
-    made = density_of(tri, function)
+    made = Piecewise(tri, function)
     assert_allclose(squares(made, tri) / whole, made.largest**-2 * most**2, rtol=1e-12)
     draw = made.draw(2001, np.random.default_rng(1))
     assert max(asked) <= 1000
