@@ -19,7 +19,7 @@ from helpers.mesh_files import (
     sizes,
     two_boxes,
 )
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 from skfem import MeshTet
 
 import kohonen_adapt as ka
@@ -126,28 +126,6 @@ def test_what_is_drawn_and_no_mesh_of_tetrahedra_is_refused(drawn):
         read_mesh(drawn(NAMED, order=3))
     with pytest.raises(ValueError, match=r"triangles that are faces of tetrahedra; \d+ of '.*' are not, one near \("):
         read_mesh(drawn('Physical Volume("a", 1) = {left()}; Physical Surface("b", 2) = {floor()};'))
-
-
-@needs_gmsh
-@pytest.mark.parametrize("suffix", [".inp", ".su2", ".vtk", ".mesh", ".med"])
-def test_files_of_other_programs(tmp_path, suffix):
-    if suffix == ".med":
-        pytest.importorskip("h5py")
-    (tmp_path / "drawing.geo").write_text(BOXES + NAMED.replace('Physical Volume("all", 3) = {left(), right()};', ""))
-    with gmsh_session() as model:
-        gmsh.open(str(tmp_path / "drawing.geo"))
-        model.mesh.generate(3)
-        for name in ("m.msh", f"m{suffix}"):
-            gmsh.write(str(tmp_path / name))
-    wanted, mesh = read_mesh(tmp_path / "m.msh"), read_mesh(tmp_path / f"m{suffix}")
-    assert np.all(signed_area(mesh) > 0)
-    assert_allclose(mesh.p, wanted.p, atol=1e-7 if suffix == ".mesh" else 1e-12)
-    assert_array_equal(*(np.unique(np.sort(each.t, axis=0), axis=1) for each in (mesh, wanted)))
-    if suffix in (".inp", ".su2", ".med"):
-        assert_array_equal(np.sort(mesh.boundaries["wall"]), wanted.boundaries["wall"])
-    if suffix in (".inp", ".med"):  # of Abaqus, Gmsh writes no spaces
-        core = mesh.subdomains["iron_core" if suffix == ".inp" else "iron core"]
-        assert area(mesh)[core].sum() == pytest.approx(1.0, rel=1e-9)
 
 
 def test_what_was_read_is_said(tmp_path, caplog):
