@@ -5,9 +5,8 @@ import json
 import meshio
 import numpy as np
 import pytest
-from helpers.cases import INSET, case_in, report_in, run_command, table_of
+from helpers.cases import INSET, case_in, report_in, run_command, run_in, table_of
 from helpers.meshes import inset
-from helpers.worlds import without_matplotlib
 from numpy.testing import assert_allclose
 
 import kohonen_adapt as ka
@@ -19,11 +18,7 @@ CASE = INSET.replace("scale = 1e-3\n", "scale = 1e-3\norder = 5\n")
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A case and the folder of its run; only to be looked at."""
-    case = case_in(tmp_path_factory.mktemp("high"), CASE)
-    with pytest.MonkeyPatch.context() as patched:
-        without_matplotlib(patched)
-        assert run_command("run", case, "--out", case.parent / "out") == 0
-    return case
+    return run_in(tmp_path_factory.mktemp("high"), CASE)
 
 
 def test_the_last_pass_has_the_order_of_the_case(finished):

@@ -11,7 +11,7 @@ import meshio
 import numpy as np
 import pytest
 from helpers.cases import INSET as CASE
-from helpers.cases import case_in, run_command, table_of
+from helpers.cases import case_in, run_command, run_in, table_of
 from helpers.places import ROOT, names_in
 from helpers.worlds import full_disk, without_matplotlib
 
@@ -40,11 +40,7 @@ def run(case, *arguments):
 @pytest.fixture(scope="module")
 def straight(tmp_path_factory):
     """The folder of the run of the case that nothing interrupts; only to be looked at."""
-    folder = tmp_path_factory.mktemp("straight")
-    with pytest.MonkeyPatch.context() as patched:
-        without_matplotlib(patched)
-        assert run(case_in(folder), "--out", folder / "out") == 0
-    return folder / "out"
+    return run_in(tmp_path_factory.mktemp("straight")).parent / "out"
 
 
 def assert_same_results(one, other):

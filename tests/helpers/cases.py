@@ -4,9 +4,11 @@ import csv
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 
 import kohonen_adapt as ka
 from helpers.meshes import inset
+from helpers.worlds import without_matplotlib
 from kohonen_adapt import __main__ as cli
 
 INSET = """
@@ -31,6 +33,15 @@ def case_in(folder, text=INSET):
     ka.write_mesh(folder / "mesh.msh", mesh.with_boundaries({"outer": mesh.boundary_facets()}))
     (folder / "case.toml").write_text(text)
     return folder / "case.toml"
+
+
+def run_in(folder, text=INSET):
+    """Run a case without pictures; its file, beside the folder "out" with the results."""
+    case = case_in(folder, text)
+    with pytest.MonkeyPatch.context() as patched:
+        without_matplotlib(patched)
+        assert run_command("run", case, "--out", folder / "out", "--quiet") == 0
+    return case
 
 
 def report_in(folder):

@@ -153,6 +153,23 @@ def of_meshio(mesh, **data):
     return meshio.Mesh(points, [("triangle" if len(mesh.p) == 2 else "tetra", mesh.t.T)], **data)
 
 
+def drawings(text, **usual):
+    """A fixture of a function that meshes a drawing with the groups it is given, and returns the file."""
+
+    @pytest.fixture(params=FORMATS, ids=" ".join)
+    def drawn(request, tmp_path):
+        if gmsh is None:
+            pytest.skip(WHY_NOT)
+
+        def draw(groups, **options):
+            version, kind = request.param
+            return drawn_by_gmsh(tmp_path / "drawing.msh", text + groups, version, kind == "binary", **usual | options)
+
+        return draw
+
+    return drawn
+
+
 def drawn_by_gmsh(path, text, version="4.1", binary=False, dimension=2, order=1, options=(), parts=1):
     """Write the mesh that Gmsh makes of a drawing, and return its path."""
     path.with_suffix(".geo").write_text(text + "\n")

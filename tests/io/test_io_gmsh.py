@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import skfem
 from helpers.mesh_files import (
-    FORMATS,
-    WHY_NOT,
     assert_same,
+    drawings,
     drawn_by_gmsh,
     gmsh,
     gmsh_session,
@@ -88,19 +87,7 @@ Mesh.MeshSizeMin = 0.4; Mesh.MeshSizeMax = 0.4;
 """
 
 
-@pytest.fixture(params=FORMATS, ids=" ".join)
-def drawn(request, tmp_path):
-    """A function that meshes the two rectangles with the groups it is given, and returns the file."""
-    if gmsh is None:
-        pytest.skip(WHY_NOT)
-
-    def draw(groups, **options):
-        version, kind = request.param
-        return drawn_by_gmsh(tmp_path / "drawing.msh", RECTANGLES + groups, version, kind == "binary", **options)
-
-    return draw
-
-
+drawn = drawings(RECTANGLES)
 ALL = 'Physical Surface("iron", 7) = {1}; Physical Surface("air", 8) = {2};'
 
 

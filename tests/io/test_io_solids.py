@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import skfem
 from helpers.mesh_files import (
-    FORMATS,
     SUFFIXES,
-    WHY_NOT,
     assert_same,
+    drawings,
     drawn_by_gmsh,
     gmsh,
     gmsh_session,
@@ -75,17 +74,7 @@ Physical Point("origin", 4) = {origin()};
 """
 
 
-@pytest.fixture(params=FORMATS, ids=" ".join)
-def drawn(request, tmp_path):
-    """A function that meshes two boxes side by side with a sheet in one, with groups, and returns the file."""
-    if gmsh is None:
-        pytest.skip(WHY_NOT)
-
-    def draw(groups, dimension=3, order=1):
-        version, kind = request.param
-        return drawn_by_gmsh(tmp_path / "drawing.msh", BOXES + groups, version, kind == "binary", dimension, order)
-
-    return draw
+drawn = drawings(BOXES, dimension=3)
 
 
 def test_groups_of_a_drawing(drawn, tmp_path):
