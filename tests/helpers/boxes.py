@@ -7,25 +7,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from skfem import MeshTet
 
-from kohonen_adapt.kernels.arrays import Pool
-from kohonen_adapt.kernels.tetrahedron.arrays import (
-    CIRCLE,
-    CYLINDER,
-    HELD,
-    INSIDE,
-    LINE,
-    ON_PATCH,
-    ON_RIDGE,
-    PLANE,
-    SPHERE,
-    Cavity,
-    Freedom,
-    OpenTetrahedra,
-    Origins,
-    Queue,
-    Surfaces,
-    Tetrahedra,
-)
+from kohonen_adapt import Cylinder, Rules, Sphere
+from kohonen_adapt.geometry.space.movable_solid import MovableSolid
+from kohonen_adapt.geometry.space.open_solid import OpenSolid
+from kohonen_adapt.kernels.tetrahedron.arrays import CIRCLE, CYLINDER, INSIDE, ON_PATCH, ON_RIDGE, PLANE, Queue
 from kohonen_adapt.kernels.tetrahedron.swap import enter_worse, swap_waiting
 from kohonen_adapt.mesh.shapes import packed
 
@@ -69,72 +54,43 @@ def random_shapes(count, ratio, seed):
     return packed(np.einsum("nij,j,nkj->nik", turns, values, turns))
 
 
-def neighbours(node):
-    beside, sides = np.full(node.shape, -1, dtype=np.int32), {}
-    for e, row in enumerate(node):
-        for k in range(4):
-            face = tuple(sorted(row[FACES[k]]))
-            if face in sides:
-                other, j = sides.pop(face)
-                beside[e, k], beside[other, j] = other, e
-            else:
-                sides[face] = e, k
-    return beside
-
-
 def opened(position, node, region=None, named=None, density=None):
-    """A box with all its planes as patches, those inside by what `named` says of middles of faces, with room."""
-    region = np.zeros(len(node), dtype=np.int32) if region is None else region.astype(np.int32)
-    beside = neighbours(node)
-    patch, planes = patches_of(position, node, beside, region, named)
-    number, place, meets, lines = freedoms(position, node, patch, len(planes))
-    n, m, rows, room = len(position), len(node), len(position) + 8, 2 * len(node) + 8192
-    surfaces = Surfaces(
-        np.full(len(planes), PLANE, dtype=np.int8),
-        *(np.array([row[k] for row in planes]) for k in range(2)),
-        np.zeros(len(planes)),
-        meets,
-        np.full(len(meets), LINE, dtype=np.int8),
-        *lines,
-        np.zeros(len(meets)),
-    )
-    anchor = np.full(rows, -1, dtype=np.int32)
-    anchor[node.ravel()] = np.repeat(np.arange(m), 4)
-    free_nodes, free = np.zeros(rows, dtype=np.int32), np.zeros(room, dtype=np.int32)
-    free_nodes[: rows - n], free[: room - m] = np.arange(rows - 1, n - 1, -1), np.arange(room - 1, m - 1, -1)
-
-    def padded(array, count, value):
-        return np.concatenate([array, np.full((count - len(array), *array.shape[1:]), value, dtype=array.dtype)])
-
-    fineness = np.ones(rows) if density is None else padded(np.cbrt(density(position)), rows, 1.0)
-    old = padded(np.arange(n, dtype=np.int32), rows, -1)
-    return OpenTetrahedra(
-        padded(position, rows, 0.0),
-        Tetrahedra(*(padded(array, room, -1) for array in (node, beside, region, patch))),
-        surfaces,
-        Freedom(padded(number, rows, HELD), padded(place, rows, -1), np.zeros(rows, dtype=bool)),
-        Pool(anchor, free_nodes, free, np.array([rows - n, room - m])),
-        Origins(fineness, old, anchor.copy(), np.zeros(rows, dtype=bool), np.zeros(len(planes))),
-        Cavity.of(rows, room),
-    )
+    """The arrays of a box with room for 6 nodes more, with a patch of the faces whose middles are `named`."""
+    mesh = MeshTet(position.T, node.T)
+    if region is not None:
+        mesh = mesh.with_subdomains({"region": np.flatnonzero(region)})
+    if named is not None:
+        middles = mesh.p[:, mesh.facets].mean(axis=1).T
+        mesh = mesh.with_boundaries({"named": np.flatnonzero([named(middle) for middle in middles])})
+    return opened_mesh(mesh, None if density is None else density(position))
 
 
-def patches_of(position, node, beside, region, named):
-    """Numbers of patches by face, and the point and normal of each."""
-    patch, planes, seen = np.full(node.shape, -1, dtype=np.int32), [], {}
-    for e, k in np.argwhere(np.ones(node.shape, dtype=bool)):
-        other, corners = beside[e, k], position[node[e, FACES[k]]]
-        inner = other >= 0 and region[other] == region[e]
-        if inner and not (named is not None and named(corners.mean(axis=0))):
-            continue
-        axis = int(np.argmin(np.ptp(corners, axis=0)))
-        pair = tuple(sorted({region[e], region[other]})) if other >= 0 else (region[e],)
-        key = axis, round(corners[0, axis], 9), pair
-        if key not in seen:
-            seen[key] = len(planes)
-            planes.append((corners[0], np.eye(3)[axis]))
-        patch[e, k] = seen[key]
-    return patch, planes
+def opened_mesh(mesh, density=None, **rules):
+    wanted = np.ones(mesh.nvertices) if density is None else density
+    return OpenSolid.of(MovableSolid.of(mesh, Rules(**rules)), wanted, mesh.nvertices + 6).mesh
+
+
+def ball(cells):
+    """A ball about the origin with the radius 1: the cube with its shells bent to spheres."""
+    position, node = jittered((cells,) * 3, 0.0, 0)
+    x = 2.0 * position - 1.0
+    squares = x**2
+    u, v = np.roll(squares, 1, axis=1), np.roll(squares, 2, axis=1)
+    mesh = MeshTet((x * np.sqrt(1.0 - u / 2.0 - v / 2.0 + u * v / 3.0)).T, node.T)
+    mesh = mesh.with_boundaries({"side": mesh.boundary_facets()})
+    return opened_mesh(mesh, surfaces={"side": Sphere((0, 0, 0), 1.0)})
+
+
+def drum(cells, ridges=CIRCLE):
+    """A cylinder with the radius 1 about the z axis, from 0 to 1, and its two ends."""
+    position, node = jittered((cells, cells, 2), 0.0, 0)
+    x = 2.0 * position[:, :2] - 1.0
+    bent = x * np.sqrt(1.0 - x[:, ::-1] ** 2 / 2.0)
+    mesh = MeshTet(np.vstack([bent.T, position[:, 2]]), node.T)
+    mesh = mesh.with_boundaries({"side": lambda x: np.abs(x[2] - 0.5) < 0.5})
+    opened = opened_mesh(mesh, surfaces={"side": Cylinder((0, 0, 0), (0, 0, 1), 1.0)})
+    opened.surfaces.ridge_shape[:] = ridges
+    return opened
 
 
 def edges_on_patches(node, patch):
@@ -145,31 +101,6 @@ def edges_on_patches(node, patch):
         for edge in combinations(face, 2):
             found[edge][face] = int(patch[e, k])
     return {edge: sorted(faces.values()) for edge, faces in found.items()}
-
-
-def freedoms(position, node, patch, patches):
-    """What every node may do, and the ridges: the patches that meet, and their lines."""
-    ridges, at_node = {}, defaultdict(list)
-    for (a, b), faces in edges_on_patches(node, patch).items():
-        if len(faces) == 2 and faces[0] == faces[1]:
-            continue
-        way = position[b] - position[a]
-        axis = int(np.argmax(np.abs(way)))
-        key = tuple(sorted(set(faces))), axis, *np.delete(position[a], axis).round(9)
-        r = ridges.setdefault(key, (len(ridges), position[a], np.eye(3)[axis]))[0]
-        at_node[a].append(r)
-        at_node[b].append(r)
-    number, place = np.full(len(position), INSIDE, dtype=np.int8), np.full(len(position), -1, dtype=np.int32)
-    for e, k in np.argwhere(patch >= 0):
-        number[node[e, FACES[k]]], place[node[e, FACES[k]]] = ON_PATCH, patch[e, k]
-    for v, there in at_node.items():
-        slides = len(there) == 2 and there[0] == there[1]
-        number[v], place[v] = (ON_RIDGE, there[0]) if slides else (HELD, -1)
-    meets = np.full((len(ridges), 4), -1, dtype=np.int32)
-    for (sets, *_), (r, *_) in ridges.items():
-        meets[r, : len(sets)] = sets
-    lines = (np.array([row[k] for row in ridges.values()]).reshape(-1, 3) for k in (1, 2))
-    return number, place, meets, lines
 
 
 def check(mesh, floor=0.0):
@@ -219,52 +150,6 @@ def off_surface(surfaces, p, points):
         return ways @ axis
     along = np.outer(ways @ axis, axis) if surfaces.shape[p] == CYLINDER else 0.0
     return np.linalg.norm(ways - along, axis=1) - surfaces.size[p]
-
-
-def ball(cells):
-    """A ball about the origin with the radius 1: the cube with its shells bent to spheres."""
-    position, node = jittered((cells,) * 3, 0.0, 0)
-    x = 2.0 * position - 1.0
-    squares = x**2
-    u, v = np.roll(squares, 1, axis=1), np.roll(squares, 2, axis=1)
-    mesh = opened(x * np.sqrt(1.0 - u / 2.0 - v / 2.0 + u * v / 3.0), node)
-    shape = np.array([SPHERE], dtype=np.int8)
-    none, lines = np.empty(0), np.empty((0, 3))
-    surfaces = Surfaces(
-        shape, np.zeros((1, 3)), np.eye(3)[:1], np.ones(1), np.empty((0, 4), dtype=np.int32),
-        np.empty(0, dtype=np.int8), lines, lines, none,
-    )  # fmt: skip
-    outside = mesh.freedom.number < INSIDE
-    outside[len(position) :] = False
-    mesh.elements.patch[mesh.elements.patch >= 0] = 0
-    mesh.freedom.number[outside], mesh.freedom.place[outside] = ON_PATCH, 0
-    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(sagitta=np.zeros(1)))
-
-
-def drum(cells, ridges=CIRCLE):
-    """A cylinder with the radius 1 about the z axis, from 0 to 1, and its two ends."""
-    position, node = jittered((cells, cells, 2), 0.0, 0)
-    x = 2.0 * position[:, :2] - 1.0
-    bent = x * np.sqrt(1.0 - x[:, ::-1] ** 2 / 2.0)
-    mesh = opened(np.column_stack([bent, position[:, 2]]), node)
-    z = mesh.position[:, 2]
-    rows = np.flatnonzero(mesh.elements.node[:, 0] >= 0)
-    for e, k in np.argwhere(mesh.elements.patch[rows] >= 0):
-        height = z[mesh.elements.node[rows[e], FACES[k]]]
-        mesh.elements.patch[rows[e], k] = 0 if (height == 0).all() else 1 if (height == 1).all() else 2
-    surfaces = Surfaces(
-        np.array([PLANE, PLANE, CYLINDER], dtype=np.int8), np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 0]]),
-        np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([0.0, 0.0, 1.0]),
-        np.array([[0, 2, -1, -1], [1, 2, -1, -1]], dtype=np.int32), np.full(2, ridges, dtype=np.int8),
-        np.array([[0, 0, 0], [0, 0, 1.0]]), np.tile([0.0, 0.0, 1.0], (2, 1)), np.ones(2),
-    )  # fmt: skip
-    n = len(position)
-    side, end = (np.abs(x) == 1.0).any(axis=1), (z[:n] == 0.0) | (z[:n] == 1.0)
-    number, place = mesh.freedom.number[:n], mesh.freedom.place[:n]
-    number[:], place[:] = INSIDE, -1
-    number[side | end], place[side | end] = ON_PATCH, np.where(side, 2, z[:n])[side | end]
-    number[side & end], place[side & end] = ON_RIDGE, z[:n][side & end]
-    return mesh._replace(surfaces=surfaces, origins=mesh.origins._replace(sagitta=np.zeros(3)))
 
 
 def check_freedom(mesh, node, rows):
