@@ -66,6 +66,13 @@ def test_points_that_are_not_fresh_are_drawn_once(tmp_path):
     assert len(errors) == 3 and asked == [50]
 
 
+def test_a_tolerance_ends_the_training(tmp_path):
+    points = np.random.default_rng(1).uniform(0.0, 1.0, (2, 50))
+    schedule = ka.Schedule((ka.Stage(0, 9, 0.1),), tolerance=1.0)
+    som = ka.KohonenMap(MeshTri().refined(2))
+    assert len(plotting.animate_map(tmp_path / "map.gif", som, points, schedule)) == 1
+
+
 def test_wrong_arguments_leave_no_file(tmp_path):
     path, som = tmp_path / "film.gif", ka.KohonenMap(MeshTri().refined(2))
     with pytest.raises(ValueError, match="an animation needs a mesh at least; got none"):
