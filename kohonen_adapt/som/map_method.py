@@ -51,6 +51,9 @@ class MapMethod:
     ring: Callable[[Ints], Ints]
     schedule: Callable[[int, str], Schedule]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return map_method_of, (self.cell.dim,)  # for copies in other processes
+
 
 def points_of_triangle(count: int, rng: Generator) -> Floats:
     points = rng.random((2, count))

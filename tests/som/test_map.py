@@ -1,5 +1,6 @@
 """The map: equation 1 of the paper with its neighbourhoods, regions, errors and guard."""
 
+import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -91,6 +92,15 @@ def test_learning_rate_times_weight_is_capped_at_1(weight):
     som.train(x, one(0, 0.5), weights=[weight])
     winner = nearest_node(mesh.p.T, x[:, 0])[0]
     assert_allclose(som.mesh.p[:, winner], x[:, 0], rtol=1e-15)
+
+
+@pytest.mark.parametrize("mesh", [square(4), box(3)], ids=["plane", "space"])
+def test_a_map_trains_alike_in_another_process(mesh):
+    som, points = KohonenMap(mesh), np.random.default_rng(1).random((len(mesh.p), 50))
+    copied = pickle.loads(pickle.dumps(som))
+    for each in (som, copied):
+        each.train(points, one(1, 0.1))
+    assert_array_equal(copied.mesh.p, som.mesh.p)
 
 
 def test_training_stops_when_the_error_is_below_the_tolerance():
