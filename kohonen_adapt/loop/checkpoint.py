@@ -26,7 +26,7 @@ DIGEST = "sha256 "
 
 # Fields that files of earlier releases may lack.
 ADDED: dict[str, Any] = dict.fromkeys(["unmoved", "refused_by_quality", "refused_by_reach", "held_in_polish"], 0)
-ADDED |= {"order": 1, "output_errors": {}, "unimproved": "", "incomparable": "", "doubts": {}}
+ADDED |= {"order": 1, "output_errors": {}, "unimproved": "", "incomparable": "", "doubts": {}, "smooth": False}
 
 STATE = "state "  # prefix of the names of mesh arrays
 

@@ -148,7 +148,8 @@ class GradingTolerance:
         aim, graded = (self.high.graded, enough) if self.relative is None else (self.relative,) * 2
         if tolerance > DIRECT * aim * last.energy_norm:
             return tolerance
-        return min(graded * last.energy_norm, min(self.high.most, self.high.within(self.orders)[-1].gain) * tolerance)
+        gain = min(self.high.most, self.high.within(self.orders)[-1].gain)
+        return min(graded * last.energy_norm, gain ** (self.high.smooth if last.smooth else 1.0) * tolerance)
 
     def _needs_few(self, last: Pass, tolerance: float) -> bool:
         # True if order 2 meets the tolerance of a goal with few nodes, and no higher order is prescribed. Without a

@@ -158,6 +158,9 @@ class Pass(Work):
         Exception of the method ``improved`` of the problem in words, or an empty string.
     doubts
         Estimated magnitudes of what the errors of outputs miss by name, and of the goal under "goal".
+    smooth
+        True in a run to a tolerance in space if no edge of the input is singular, see `singular_edges`, so that high
+        orders gain more. Only for problems with `orders`.
     quantization_errors
         Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
         the input.
@@ -206,6 +209,7 @@ class Pass(Work):
     output_errors: dict[str, float] = field(default_factory=dict)
     unimproved: str = ""
     doubts: dict[str, float] = field(default_factory=dict)
+    smooth: bool = False
 
     @property
     def shown_estimate(self) -> float:

@@ -14,6 +14,7 @@ from kohonen_adapt.geometry.plane.movable import MovableMesh
 from kohonen_adapt.geometry.plane.surgery import with_thin_layers
 from kohonen_adapt.geometry.space.movable_solid import MovableSolid
 from kohonen_adapt.kernels.numba.compilation import expect
+from kohonen_adapt.loop.corners import singular_parts
 from kohonen_adapt.loop.dimension import method_of
 from kohonen_adapt.loop.directions import wanted_of
 from kohonen_adapt.loop.functional_of_pass import FROZEN, FunctionalOfPass, differs_on, functional_of
@@ -22,6 +23,7 @@ from kohonen_adapt.loop.passes import Pass, Steps, Work, text_of, work_of
 from kohonen_adapt.loop.settings import Settings
 from kohonen_adapt.loop.sides import Sides
 from kohonen_adapt.loop.state import Solved, curved_of
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import count_unknowns, number_facets
 from kohonen_adapt.mesh.measures import area, quality
 from kohonen_adapt.polishing.held_nodes import counted
@@ -134,6 +136,7 @@ class Adaptation:
             output_errors=errors,
             unimproved=unimproved,
             doubts=doubts_of({**errors, "goal": figures["goal_error"]}),
+            smooth=before.record.smooth if before else self.is_smooth(mesh, solution),
             number=self.steps.number,
             mesh=mesh,
             nodes=nodes,
@@ -147,6 +150,13 @@ class Adaptation:
             compile_seconds=self.steps.compile_seconds,
         )
         return Solved(record, solution, functional, movable)
+
+    def is_smooth(self, mesh: Mesh, solution: Any) -> bool:
+        """Return True in space if no edge is singular, and a tolerance is given."""
+        if mesh.dim() != TETRAHEDRON.dim or not (self.settings.tolerance and self.problem.orders):
+            return False
+        nodes, edges = singular_parts(self.problem, mesh, solution)
+        return not nodes.size and not (edges is not None and edges.size)
 
     def incomparable(self, before: Solved | None, functional: Any, mesh: Mesh) -> str:
         # reason for which functionals do not compare passes
