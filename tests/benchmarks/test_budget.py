@@ -45,7 +45,7 @@ BUDGET = {
     "tests/kernels": 13_498,
     "tests/loop": 31_160,
     "tests/magnetostatics": 47_905,
-    "tests/mesh": 14_939,
+    "tests/mesh": 16_640,
     "tests/package": 12_681,
     "tests/plotting": 8_793,
     "tests/polishing": 24_920,

@@ -1,19 +1,67 @@
-"""A `MeshTri2` is its straight triangles and what bends them: what is folded is refused, and it is cut in four."""
+"""A `MeshTri2` is its straight triangles and what bends them, and determinants are bounded from below."""
 
 import numpy as np
 import pytest
-from helpers.meshes import perturbed, square
+from helpers.meshes import inset, perturbed, square
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshTri, MeshTri2
+from skfem.generic_utils import OrientedBoundary
 
 import kohonen_adapt as ka
 from kohonen_adapt.mesh.curved import (
     Isoparametric,
+    corners_of,
+    determinant_coefficients,
+    midside_offsets,
+    offsets_of_sides,
     refined,
     with_midside_offsets,
 )
 from kohonen_adapt.mesh.measures import area
 from kohonen_adapt.mesh.validity import check_mesh
+
+MESH = perturbed(inset(6), 2).with_boundaries({"left": lambda x: x[0] == 0.0})
+ORIENTED = OrientedBoundary(np.array([3, 8, 20]), np.array([0, 1, 0]))
+
+
+def named():
+    return MeshTri(MESH.p, MESH.t, {**MESH.boundaries, "sheet": ORIENTED}, MESH.subdomains)
+
+
+def bent(mesh, size, seed=0):
+    off = size * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, mesh.facets.shape[1]))
+    return with_midside_offsets(mesh, off), off
+
+
+def test_corners_and_displacements_make_up_the_mesh():
+    mesh = named()
+    curved, off = bent(mesh, 0.01)
+    assert type(curved) is MeshTri2 and curved.nvertices == mesh.nvertices
+    assert_allclose(offsets_of_sides(curved), off, atol=1e-16)
+    straight = corners_of(curved)
+    assert type(straight) is MeshTri and corners_of(mesh) is mesh
+    for array in ("p", "t", "facets", "t2f", "f2t"):
+        assert_array_equal(getattr(straight, array), getattr(mesh, array))
+    for each in (curved, straight):
+        assert list(each.subdomains) == list(mesh.subdomains) and list(each.boundaries) == ["left", "sheet"]
+        assert_array_equal(each.boundaries["sheet"].ori, ORIENTED.ori)
+        assert_array_equal(each.boundaries["left"], mesh.boundaries["left"])
+    assert not np.any(offsets_of_sides(mesh)) and not np.any(offsets_of_sides(MeshTri2.from_mesh(mesh)) > 1e-15)
+
+
+def test_determinants_are_those_of_scikit_fem_and_the_coefficients_bound_them():
+    curved, _ = bent(MESH, 0.04)
+    coefficients = determinant_coefficients(curved.p[:, curved.t], midside_offsets(curved))
+    x, y = points = np.random.default_rng(1).dirichlet(np.ones(3), 200).T[1:]
+    found = coefficients.T @ bernstein(np.stack([1.0 - x - y, x, y]))
+    assert_allclose(found, curved._mapping().detDF(points), atol=1e-14)
+    assert np.all(coefficients.min(axis=0)[:, None] <= found + 1e-15)
+    assert_allclose(coefficients[0], curved._mapping().detDF(np.zeros((2, 1)))[:, 0], atol=1e-14)
+
+
+def bernstein(shares):
+    """Values of the Bernstein polynomials of degree 2 in the order of the coefficients, (6, n)."""
+    return np.stack([(1 + (i != j)) * shares[i] * shares[j] for i in range(3) for j in range(i, 3)])
 
 
 def one_bent(side):

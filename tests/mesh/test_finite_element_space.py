@@ -6,10 +6,21 @@ from itertools import product
 import numpy as np
 import pytest
 import skfem
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
+from skfem import BilinearForm, LinearForm
+from skfem.helpers import dot
 
 from kohonen_adapt.mesh.elements.functions import nodes
+from kohonen_adapt.mesh.elements.rules import CURVED_RULE_IN_SPACE, LAW_DEGREE, LAW_DEGREE_BY_POINTS, LAW_RULE_IN_SPACE
 from kohonen_adapt.mesh.elements.space import Space
+
+ELEMENTS = {
+    (1, 2): skfem.ElementTriP1,
+    (2, 2): skfem.ElementTriP2,
+    (3, 2): skfem.ElementTriP3,
+    (1, 3): skfem.ElementTetP1,
+    (2, 3): skfem.ElementTetP2,
+}
 
 
 def plane(curved=False, steps=4):
@@ -132,13 +143,62 @@ def test_loads_at_points_act_on_all_functions_alike(space):
     close(found, np.sum(vectors * space.gradient_at(u, element, at)), 1e-9)
 
 
+@pytest.mark.parametrize(
+    ("order", "dim", "curved", "law"),
+    [each for each in product((1, 2, 3), (2, 3), (False, True), (False, True)) if each[:2] in ELEMENTS],
+)
+def test_all_is_as_of_scikit_fem(order, dim, curved, law):
+    if order == 1 and curved:
+        return
+    mesh = plane(curved) if dim == 2 else solid(curved)
+    space = Space(mesh, order, np.full(mesh.t.shape[1], law))
+    basis = skfem.Basis(mesh, ELEMENTS[order, dim](), intorder=2)
+    assert_array_equal(space.unknowns, basis.element_dofs)
+    close(space.doflocs, basis.doflocs, 1e-14)
+    parts = [(space.curved == part, rule_of(space, order, part, law)) for part in (False, True)]
+    bases = [
+        skfem.Basis(mesh, ELEMENTS[order, dim](), elements=np.flatnonzero(rows), **rule)
+        for rows, rule in parts
+        if rows.any()
+    ]
+    power = 1.0 * (law and order > 1)
+    stiffness = BilinearForm(lambda u, v, w: (1.0 + power * w.x[0] ** 2) * dot(u.grad, v.grad))
+    load = LinearForm(lambda v, w: v + w.x[1] * v.grad[0])
+    system = space.stiffness(1.0 + power * space.points[0] ** 2, np.arange(space.doflocs.shape[1]))
+    close(system.matrix.toarray(), sum(stiffness.assemble(each) for each in bases).toarray())
+    flux = np.zeros_like(space.points)
+    flux[0] = space.points[1]
+    found = space.loads(np.ones(space.volumes.size), flux)
+    close(found, sum(load.assemble(each) for each in bases))
+    assert space.volumes.sum() == pytest.approx(sum(each.dx.sum() for each in bases), rel=1e-13)
+
+
+def rule_of(space, order, curved, law):
+    if space.dim == 3 and order > 1:
+        points, weights = LAW_RULE_IN_SPACE if law else CURVED_RULE_IN_SPACE
+        if law or curved:
+            return {"quadrature": (points[:, 1:].T, weights / 6.0)}
+        return {"intorder": 2 * order}
+    if law and order > 1:
+        return {"intorder": (LAW_DEGREE_BY_POINTS if curved else LAW_DEGREE)[order]}
+    return {"intorder": 2 * order + 2 * curved}
+
+
+@pytest.mark.parametrize("curved", [False, True])
 @pytest.mark.parametrize("order", range(1, 9))
-def test_masses_of_facets_are_integrals_of_squares(order):
-    space = Space(plane(), order)
+def test_masses_of_facets_are_integrals_of_squares(order, curved):
+    mesh = plane(curved and order > 1)
+    space = Space(mesh, order)
     facets = space.corners.boundary_facets()
     u, weight = space.doflocs[1] ** order, 1.0 + np.arange(facets.size) % 3
     own = u[space.on_facets(facets)]
     found = np.einsum("if,jf,ijf->f", own, own, space.products_on(facets, weight))
+    if space.curved.any():
+        length = np.einsum("ijf->f", space.products_on(facets, weight)) / weight
+        chord = np.linalg.norm(np.diff(space.corners.p[:, space.corners.facets[:, facets]], axis=1)[:, 0], axis=0)
+        assert np.all(length > chord * (1.0 - 1e-12))
+        assert np.any(length > chord * 1.0001)
+        return
     start, end = space.corners.p[:, space.corners.facets[:, facets]].swapaxes(0, 1)
     at, of_point = np.polynomial.legendre.leggauss(order + 1)
     y = start[1] + np.multiply.outer(0.5 + 0.5 * at, end[1] - start[1])
