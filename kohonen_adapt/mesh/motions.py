@@ -139,7 +139,7 @@ Pair = tuple[str, str] | tuple[str, str, Motion]
 
 
 def moved(matrix: Floats, points: ArrayLike) -> Floats:
-    return matrix[:, :2] @ np.asarray(points, np.float64) + matrix[:, 2:]
+    return matrix[:, :-1] @ np.asarray(points, np.float64) + matrix[:, -1:]
 
 
 def inverse(matrix: Floats) -> Floats:

@@ -12,8 +12,9 @@ from kohonen_adapt.magnetostatics.coils.coil import Coil
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.mesh.cells import width_of
 from kohonen_adapt.mesh.measures import magnitude
+from kohonen_adapt.mesh.motions import moved
 
-__all__ = ["Images", "change_of_field", "images_of", "mapped", "motion_of"]
+__all__ = ["Images", "change_of_field", "images_of", "motion_of"]
 
 STEP = 1e-2  # largest displacement of a coil in a central difference, relative to its section
 EQUAL = 1e-6  # tolerance of equal reflections
@@ -32,12 +33,8 @@ def motion_of(vector: Floats, centre: Floats | None) -> Floats:
     return np.column_stack((turn, -turn @ centre))
 
 
-def mapped(matrix: Floats, x: Floats) -> Floats:
-    return matrix[:, :-1] @ x + matrix[:, -1:]
-
-
 def change_of_field(coil: Coil, motion: Floats, x: Floats) -> Floats:
-    step = STEP * min(coil.width, coil.height) / magnitude(mapped(motion, coil.path)).max()
+    step = STEP * min(coil.width, coil.height) / magnitude(moved(motion, coil.path)).max()
     generator, total = np.vstack((motion, np.zeros(4))), np.zeros_like(x)
     for sign in (1.0, -1.0):
         rotation, shift = np.split(expm(sign * step * generator)[:3], [3], axis=1)
@@ -57,7 +54,7 @@ class Images(NamedTuple):
     def pulled(self, field: Function, x: Floats, image: int) -> Floats:
         """Return the values at x of the image of a field."""
         matrix = self.matrix[image]
-        return self.sign[image] * (matrix[:, :3].T @ field(mapped(matrix, x)))
+        return self.sign[image] * (matrix[:, :3].T @ field(moved(matrix, x)))
 
     def moved(self, motion: Floats, image: int) -> Floats:
         rotation, shift = np.split(self.matrix[image], [3], axis=1)
@@ -67,7 +64,7 @@ class Images(NamedTuple):
     def folded(self, x: Floats, current: Floats) -> FloatsPair:
         x, current = x.copy(), current.copy()
         for matrix, sign in zip(self.matrix, self.sign, strict=True):  # the identity first
-            y, rotation = mapped(matrix, x), matrix[:, :3]
+            y, rotation = moved(matrix, x), matrix[:, :3]
             rows = ~self.contain(x) & self.contain(y)
             x[:, rows] = y[:, rows]
             current[:, rows] = sign * np.linalg.det(rotation) * (rotation @ current[:, rows])

@@ -10,7 +10,7 @@ import numpy as np
 from kohonen_adapt.arrays import Floats
 from kohonen_adapt.checks import listed
 from kohonen_adapt.magnetostatics.coils.coil import Coil
-from kohonen_adapt.magnetostatics.coils.motion import Images, change_of_field, images_of, mapped
+from kohonen_adapt.magnetostatics.coils.motion import Images, change_of_field, images_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of, flux_rule
 from kohonen_adapt.magnetostatics.equations.applied_field import Drive
 from kohonen_adapt.magnetostatics.equations.conditions import Conditions
@@ -18,6 +18,7 @@ from kohonen_adapt.magnetostatics.equations.given_field import AppliedField, Sou
 from kohonen_adapt.magnetostatics.equations.symmetry import Mirror
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
 from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
+from kohonen_adapt.mesh.motions import moved
 
 __all__ = ["OfCoil", "ampere_turns", "ends_far", "is_coil"]
 
@@ -84,7 +85,7 @@ class OfCoil:
     def vanishes(self) -> bool:
         if self.motion is None or self._motion is None:
             return False
-        left, whole = (np.abs(mapped(motion, self._coil.path)).max() for motion in (self._motion, self.motion))
+        left, whole = (np.abs(moved(motion, self._coil.path)).max() for motion in (self._motion, self.motion))
         return bool(left <= NONE * whole)
 
     def _weight_at(self, x: Floats) -> Floats:
@@ -113,7 +114,7 @@ class OfCoil:
             if rest is None:  # a coil makes no force on itself
                 return 0.0
             force = VACUUM_PERMEABILITY * self._coil.ampere_turns * np.cross(moment, field_at(rest, x), axis=0)
-            return float(np.sum(force * mapped(self._motion, x)))
+            return float(np.sum(force * moved(self._motion, x)))
         # The field of a smaller coil in the bore is not smooth there. Mutual inductances are equal, so that the rule of
         # the smaller coil serves.
         unit, larger = self._unit, dict(sources.coils)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kohonen_adapt.arrays import Floats, FloatsPair, Ints, Mask
-from kohonen_adapt.magnetostatics.coils.motion import images_of, mapped, motion_of
+from kohonen_adapt.magnetostatics.coils.motion import images_of, motion_of
 from kohonen_adapt.magnetostatics.coils.rules import currents_of
 from kohonen_adapt.magnetostatics.equations.system import IN_SPACE, Solver
 from kohonen_adapt.magnetostatics.materials.laws import VACUUM_PERMEABILITY
@@ -24,6 +24,7 @@ from kohonen_adapt.magnetostatics.quantities.magnetic_field import MagneticField
 from kohonen_adapt.magnetostatics.quantities.point_values import PointValues
 from kohonen_adapt.mesh.elements.assembly import assembled
 from kohonen_adapt.mesh.measures import area, hat_gradients
+from kohonen_adapt.mesh.motions import moved
 from kohonen_adapt.mesh.names import Names, elements_in
 
 __all__ = [
@@ -73,17 +74,17 @@ class OfBody:
 
     def value(self) -> float:
         x, forces = self.shell.forces
-        return float(np.sum(forces * mapped(self.motion, x)))
+        return float(np.sum(forces * moved(self.motion, x)))
 
     def load(self) -> Floats:
         shell, field, (at, slope, _) = self.shell, self.shell.field, self.shell.at
         weight = np.zeros_like(field.elements.points)
-        weight[:, shell.layer[field.elements.element]] = -stress(mapped(self.motion, at.x), at.flux_density, slope)
+        weight[:, shell.layer[field.elements.element]] = -stress(moved(self.motion, at.x), at.flux_density, slope)
         load = field.load_of(weight)
         if not field.sources.coils:
             return load
         x, element, moment = shell.currents
-        return load + field.load_at(x, element, np.cross(moment, mapped(self.motion, x), axis=0)) if x.size else load
+        return load + field.load_at(x, element, np.cross(moment, moved(self.motion, x), axis=0)) if x.size else load
 
 
 def stress(u: Floats, v: Floats, w: Floats) -> Floats:
