@@ -1,7 +1,7 @@
 """Records and constants that kernels on triangles and on tetrahedra share.
 
-Shapes are given by n nodes, m elements, t training points and d dimensions. Records
-of several arrays replace single arrays because every array argument costs numba as much time as some lines of code.
+Shapes are given by n nodes, m elements, t training points and d dimensions. Records of several arrays replace single
+arrays because every array argument costs numba as much time as some lines of code.
 """
 
 from typing import Any, NamedTuple

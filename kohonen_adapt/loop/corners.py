@@ -13,7 +13,7 @@ from kohonen_adapt.mesh.cells import TETRAHEDRON, TRIANGLE, cell_of
 from kohonen_adapt.mesh.corners import corner_exponents, singular_nodes
 from kohonen_adapt.mesh.singular_edges import singular_edges
 from kohonen_adapt.problem.evaluation import ritz_of
-from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
+from kohonen_adapt.problem.protocol import CheckedProblem
 from kohonen_adapt.problem.ritz import Ritz
 from kohonen_adapt.problem.singular_nodes import materials_of
 
@@ -26,16 +26,16 @@ LIMITED = (Status.MAX_PASSES, Status.MAX_NODES, Status.STALLED, Status.NOT_MOVED
 
 
 def singular_parts(problem: CheckedProblem, mesh: Mesh, solution: Any) -> tuple[Ints, Ints | None]:
-    """Return the nodes at which a field is singular, and in space the edges (2, k)."""
+    """Return the nodes at which a field is singular, and in space the edges (2, k).
+
+    Raises NotOffered if the problem has neither these nor a functional.
+    """
     in_space = cell_of(mesh) is TETRAHEDRON
     own = "singular_edges" if in_space else "singular_nodes"
     if problem.has(own):
         found = getattr(problem, own)(mesh, solution)
     else:
-        try:
-            materials = materials_of(mesh, ritz_of(problem, mesh, solution))
-        except NotOffered:
-            return np.zeros(0, int), np.zeros((2, 0), int) if in_space else None
+        materials = materials_of(mesh, ritz_of(problem, mesh, solution))
         found = (singular_edges if in_space else singular_nodes)(mesh, materials)
     if not in_space:
         return np.asarray(found), None

@@ -18,8 +18,9 @@ from kohonen_adapt.loop.sides import on_whole_curves
 from kohonen_adapt.loop.state import State, curved_of
 from kohonen_adapt.loop.step import Adaptation
 from kohonen_adapt.loop.stopping import StopTest
+from kohonen_adapt.mesh.cells import TETRAHEDRON
 from kohonen_adapt.mesh.host import count_unknowns
-from kohonen_adapt.problem.protocol import CheckedProblem
+from kohonen_adapt.problem.protocol import CheckedProblem, NotOffered
 
 SMOOTH = 2.0  # least gain of a raised order; below, the solution is not smooth and the passes go on alone
 FINER = 0.7  # of the tolerance of the passes after a raised order that did not suffice, at most
@@ -80,7 +81,10 @@ def layered(adaptation: Adaptation, state: State, layers: int) -> tuple[Mesh, st
     adaptation.steps.next_pass(len(state.passes))
     with adaptation.steps("relocate"):
         rules, whole, curved = adaptation.settings.rules, state.best.record.mesh, curved_of(state.best.movable)
-        wanted, edges = singular_parts(adaptation.problem, whole, state.best.solution)
+        try:
+            wanted, edges = singular_parts(adaptation.problem, whole, state.best.solution)
+        except NotOffered:
+            wanted, edges = np.zeros(0, int), np.zeros((2, 0), int) if whole.dim() == TETRAHEDRON.dim else None
         remark = ""
         if edges is not None:
             wanted = np.union1d(wanted, edges)

@@ -159,8 +159,8 @@ class Pass(Work):
     doubts
         Estimated magnitudes of what the errors of outputs miss by name, and of the goal under "goal".
     smooth
-        True in a run to a tolerance in space if no edge of the input is singular, see `singular_edges`, so that high
-        orders gain more. Only for problems with `orders`.
+        True in a run to a tolerance in space that may end with a high order, if no edge of the input is singular, see
+        `singular_edges`. High orders gain more then.
     quantization_errors
         Mean distance of the training points to their winners in mesh units, for each epoch of the relocation. Empty for
         the input.

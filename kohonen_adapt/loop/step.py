@@ -152,11 +152,14 @@ class Adaptation:
         return Solved(record, solution, functional, movable)
 
     def is_smooth(self, mesh: Mesh, solution: Any) -> bool:
-        """Return True in space if no edge is singular, and a tolerance is given."""
-        if mesh.dim() != TETRAHEDRON.dim or not (self.settings.tolerance and self.problem.orders):
+        # True in space if the edges are known and none is singular, for passes at a chosen order before a higher one
+        if mesh.dim() != TETRAHEDRON.dim or self.problem.chosen_order is None or not self.settings.tolerance:
             return False
-        nodes, edges = singular_parts(self.problem, mesh, solution)
-        return not nodes.size and not (edges is not None and edges.size)
+        try:
+            nodes, edges = singular_parts(self.problem, mesh, solution)
+        except NotOffered:
+            return False
+        return edges is not None and not nodes.size and not edges.size
 
     def incomparable(self, before: Solved | None, functional: Any, mesh: Mesh) -> str:
         # reason for which functionals do not compare passes

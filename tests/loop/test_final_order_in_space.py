@@ -98,6 +98,8 @@ def test_a_smooth_solution_takes_the_least_order_that_suffices():
     assert all(each.status is ka.Status.CONVERGED and each.history[0].smooth for each in results)
     assert [each.best.order for each in results] == [4, 5]
     assert results[1].mesh.nvertices < 250  # 459 if it might have singular edges
+    unknown = ka.adapt(mesh, Without(problem, "singular_edges", "ritz"), rtol=0.005)
+    assert unknown.best.order == 4 and not unknown.history[0].smooth
 
 
 def test_edges_that_a_problem_does_not_name_are_those_of_its_functional():

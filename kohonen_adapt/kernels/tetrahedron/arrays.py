@@ -1,9 +1,8 @@
 """Array records of the kernels on tetrahedra.
 
-Letters of shapes are n nodes, m elements, p patches and r ridges. A
-*patch* is a face of the geometry, a connected and smooth set of constrained element faces (on the outer
-boundary, between regions, or named) with the same names. A *ridge* is an edge of the geometry, along which
-patches meet or end. Ridges meet or turn in *corners*.
+Letters of shapes are n nodes, m elements, p patches and r ridges. A *patch* is a face of the geometry, a connected and
+smooth set of constrained element faces (on the outer boundary, between regions, or named) with the same names. A
+*ridge* is an edge of the geometry, along which patches meet or end. Ridges meet or turn in *corners*.
 """
 
 from typing import NamedTuple

@@ -46,4 +46,5 @@ __all__ = ["method_of"]
 
 
 def method_of(mesh: Mesh) -> ModuleType:
+    """Return the module for the elements of a mesh."""
     return space if cell_of(mesh) is TETRAHEDRON else plane
